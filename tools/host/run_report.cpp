@@ -1,6 +1,5 @@
 // From the halves of a run to the report's data.
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 
 #include "perception/motion/motion_mask.hpp"
@@ -215,45 +214,6 @@ ReportPicture report_picture(const OperatorHalf& op, const tasks::SceneView& v,
   return picture;
 }
 
-// What libraries took from the heap within the steps; where the program counts.
-void add_allocations(const ReportData& d, std::vector<ReportVerdict>& verdicts) {
-  std::string firm;
-  double hard = -1;
-  char text[100];
-  for (const ReportTask& t : d.tasks) {
-    if (t.allocations_max < 0) continue;
-    if (t.task_class == "hard") {
-      hard = std::max(hard, t.allocations_max);
-      continue;
-    }
-    std::snprintf(text, sizeof text, "%s %.0f a job, at most %.0f; ", t.name.c_str(),
-                  t.allocations_p50, t.allocations_max);
-    firm += text;
-  }
-  if (firm.empty() && hard < 0) return;
-  std::snprintf(text, sizeof text, "hard tasks %s", hard > 0 ? "ALLOCATE" : "none");
-  verdicts.push_back({hard > 0 ? ReportVerdict::State::kBad : ReportVerdict::State::kGood,
-                      "allocations by libraries: " + firm + text});
-}
-
-// Each place that the hand chose, and what came of it.
-void add_visits(const OperatorHalf& op, ReportData& d) {
-  using State = ReportVerdict::State;
-  const TouchedPlaces touched = touched_of(op);
-  for (std::size_t i = 0; i < op.view.visits.size(); ++i) {
-    const Touched& t = touched.visits[i];
-    char text[80];
-    std::snprintf(text, sizeof text, ": %.2f s in contact, largest force %.2f N", t.contact_s,
-                  t.force_max_N);
-    const Visit& v = op.view.visits[i];
-    d.verdicts.push_back(
-        {t.met() ? State::kGood : State::kNote, "touch" + text_of(v) +
-                                                    (t.met()     ? std::string(text)
-                                                     : v.pressed ? std::string(": nothing met")
-                                                                 : std::string())});
-  }
-}
-
 void add_told(const OperatorHalf& op, const RobotHalf& robot, ReportData& d) {
   for (const auto* log : {&op.log, &robot.log}) {
     for (const auto& told : log->told)
@@ -272,104 +232,6 @@ ReportSeries touch_series(const OperatorHalf& op) {
     }
   }
   return out;
-}
-
-void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
-                  const Metrics& m, ReportData& d) {
-  using State = ReportVerdict::State;
-  for (const auto& p : info.problems) d.verdicts.push_back({State::kBad, p});
-  if (!info.not_real_time.empty()) d.verdicts.push_back({State::kNote, info.not_real_time});
-  for (const auto& n : info.notes) d.verdicts.push_back({State::kNote, n});
-  if (!info.stopped_early.empty()) d.verdicts.push_back({State::kNote, info.stopped_early});
-  const auto value = [&](const std::string& name) {
-    for (const auto& r : m.rows()) {
-      if (r.name == name) return r.value;
-    }
-    return 0.0;
-  };
-  char text[240];
-  std::snprintf(
-      text, sizeof text,
-      "haptic: %.0f releases = %.0f completed + %.0f skipped + %.0f aborted; misses %.0f, own %.0f",
-      value("haptic.releases"), value("haptic.completed"), value("haptic.skipped"),
-      value("haptic.aborted"), value("haptic.miss_total"), value("haptic.miss_own"));
-  const std::string untimed = not_measured(info, op, robot, m);
-  d.verdicts.push_back({value("haptic.miss_own") == 0 ? State::kGood
-                        : untimed.empty()             ? State::kBad
-                                                      : State::kNote,
-                        text});
-  std::snprintf(text, sizeof text,
-                "touch: %.0f contacts, largest force %.2f N, share of time in contact %.2f",
-                value("haptic.contacts"), value("haptic.force_max_N"),
-                value("haptic.contact_share"));
-  d.verdicts.push_back({value("haptic.contacts") > 0 ? State::kGood : State::kNote,
-                        text + (info.touch_method.empty() ? "" : "; method " + info.touch_method)});
-  add_visits(op, d);
-  std::snprintf(text, sizeof text, "fusion: %.0f of %.0f frames tracked",
-                value("fusion.frames_tracked"), value("fusion.frames"));
-  d.verdicts.push_back(
-      {value("fusion.frames_tracked") == value("fusion.frames") ? State::kGood : State::kNote,
-       text});
-  if (op.view.objects.seq != 0) {
-    const auto& list = op.view.objects;
-    std::snprintf(text, sizeof text, "objects: %u named, %d held; answer to the newest mark: %s",
-                  op.view.objects_named, list.size,
-                  std::string(perception::text_of(list.answer)).c_str());
-    d.verdicts.push_back({State::kNote, text});
-    for (std::int32_t i = 0; i < list.size; ++i) {
-      const auto& e = list.entries[static_cast<std::size_t>(i)];
-      const perception::Vec3 c = e.X_WO * e.centre_m;
-      std::snprintf(text, sizeof text,
-                    "object %u: centre (%.3f, %.3f, %.3f) m, extent %.0f x %.0f x %.0f mm, colour "
-                    "%u %u %u%s",
-                    e.serial, c.x(), c.y(), c.z(), 1e3 * e.extent_m.x(), 1e3 * e.extent_m.y(),
-                    1e3 * e.extent_m.z(), e.colour.r, e.colour.g, e.colour.b,
-                    e.seen ? "" : ", not in view");
-      d.verdicts.push_back({State::kNote, text});
-    }
-  }
-  std::snprintf(text, sizeof text,
-                "robot: %.0f marks, %.0f paths, %.2f m driven, goal error %.3f m, %.0f collisions",
-                value("mark.count"), value("plan.paths"), value("robot.path_m"),
-                value("robot.goal_error_m"), value("robot.collisions"));
-  d.verdicts.push_back({value("robot.collisions") == 0 ? State::kGood : State::kBad, text});
-  if (op.view.held_s > 0) {
-    std::snprintf(text, sizeof text, "the robot was held for %.1f s with a mark to drive to: %s",
-                  op.view.held_s,
-                  held_text(op.view.held, op.view.held_ms, op.view.held_limit_ms).c_str());
-    d.verdicts.push_back({State::kNote, text});
-  }
-  if (op.view.world.follows_camera) {
-    std::snprintf(text, sizeof text,
-                  "place of the robot: stated to %.0f mm at the worst, %.1f s stood for it",
-                  1e3 * op.view.error_max_m, op.view.unsure_s);
-    d.verdicts.push_back({op.view.unsure_s > 0 ? State::kNote : State::kGood, text});
-  }
-  add_allocations(d, d.verdicts);
-  if (!info.virtual_clock) {
-    std::snprintf(text, sizeof text,
-                  "machine: %.2f %% of the haptic starts were late by the platform",
-                  100 * value("platform.late_share"));
-    d.verdicts.push_back(
-        {untimed.empty() ? State::kGood : State::kNote,
-         text + (untimed.empty() ? "" : "; timing NOT MEASURED in this run: " + untimed)});
-    const State beyond = beyond_admission(info, op, robot).empty() ? State::kNote : State::kBad;
-    for (const auto& o : ordinary_shares(info, op, robot)) {
-      const bool within = o.share <= o.declared;
-      std::snprintf(text, sizeof text, "ordinary thread %s: %.3f of a core, declared %.3f%s",
-                    o.name.c_str(), o.share, o.declared,
-                    within                   ? ""
-                    : beyond == State::kNote ? "; the admitted cores can spare it"
-                                             : "");
-      d.verdicts.push_back({within ? State::kGood : beyond, text});
-    }
-    for (const auto* log : {&op.log, &robot.log}) {
-      for (const auto& what : log->not_realtime)
-        d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + what});
-    }
-    if (!info.give_rights.empty())
-      d.verdicts.push_back({State::kNote, "to be real-time: " + info.give_rights});
-  }
 }
 
 }  // namespace

@@ -127,6 +127,9 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
 // One task's figures and histograms; `totals` may be empty: then they are counted from the records.
 [[nodiscard]] ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
                                      const std::vector<BoxTotals>& totals, bool virtual_clock);
+// What went well in the run and what did not: the first lines of its report. `d` has its tasks.
+void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                  const Metrics& metrics, ReportData& d);
 [[nodiscard]] ReportData make_report(const RunInfo& info, const OperatorHalf& op,
                                      const RobotHalf& robot, const Metrics& metrics);
 

@@ -72,11 +72,12 @@ void sleep_until(std::int64_t host_ns) {
 
 // Returns the instant at which it ended: that of the plan, or of the first completed job after a request to stop.
 template <class Faults>
-std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Faults& faults,
-                     const typename rt::VirtualExecutor<Faults>::Sink& sink,
-                     const rt::VirtualOptions& options, const std::vector<rt::Actor*>& actors,
-                     const rt::RunPlan& plan, std::vector<BoxTotals>& op,
-                     std::vector<BoxTotals>& robot) {
+std::int64_t execute_all(std::vector<rt::PlacedTask> placed, rt::CostModel& costs,
+                         const Faults& faults,
+                         const typename rt::VirtualExecutor<Faults>::Sink& sink,
+                         const rt::VirtualOptions& options, const std::vector<rt::Actor*>& actors,
+                         const rt::RunPlan& plan, std::vector<BoxTotals>& op,
+                         std::vector<BoxTotals>& robot) {
   rt::Executor* running = nullptr;
   bool stopped = false;
   const auto watched = [&](const rt::JobRecord& r) {
@@ -116,208 +117,294 @@ void log_both(rt::NonRealtime& nrt, const std::string& folder, OperatorConsole& 
   });
 }
 
+// Both boxes of a run, what connects and watches them, and the run itself. The members end in the
+// reverse of their order: what is attached to something ends before it.
+class VirtualStack {
+ public:
+  // `run` gets what the run leaves; it outlives the stack.
+  VirtualStack(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
+               const tasks::Calibration& given, VirtualRun& run)
+      : nrt_(nrt),
+        scene_(scene),
+        options_(options),
+        run_(run),
+        calibration_(as_asked(given, scene)),
+        handshake_(handshake_ns(scene.link.way())),
+        epoch_(std::max<std::int64_t>(1000000000, handshake_ + 500000000)),
+        keep_(options, run) {}
+
+  void admit(const tasks::Calibration& given);
+  void build();
+  void place();
+  void execute();
+  void finish();
+
+ private:
+  void set_box_options();
+  void build_boxes();
+  void connect();
+  void open_consoles();
+  void tick(std::int64_t host_ns);
+  void add_events();
+  void add_once(double at_s, std::function<void(std::int64_t)> body);
+  void open_black_boxes();
+  void run_placed(const std::function<void(const rt::JobRecord&)>& sink);
+  void end_consoles();
+
+  rt::NonRealtime& nrt_;
+  Scene& scene_;
+  const DemoOptions& options_;
+  VirtualRun& run_;
+  tasks::Calibration calibration_;
+  std::int64_t handshake_;
+  std::int64_t epoch_;  // any instant; fixed, so that runs repeat
+  HostPlan host_;
+  std::vector<rt::TaskSpec> specs_;
+  rt::FaultPlan faults_;
+  BoxOptions op_options_, robot_options_;
+  std::unique_ptr<InputRecorder> op_inputs_, robot_inputs_;
+  std::unique_ptr<RobotBox> robot_;
+  std::unique_ptr<OperatorBox> op_;
+  std::unique_ptr<SimLink> link_;
+  std::unique_ptr<OperatorConsole> op_console_;
+  std::unique_ptr<RobotConsole> robot_console_;
+  std::unique_ptr<BoxRecorder> op_last_, robot_last_;  // black boxes
+  std::optional<ForceChecker> forces_;  // of a recording: the hand presses while the map grows
+  JobKeepers keep_;
+  std::vector<std::unique_ptr<rt::Actor>> owned_;
+  std::vector<rt::Actor*> actors_;
+  std::optional<Periodic> minutes_;
+  std::optional<Pacer> pacer_;
+  std::vector<rt::PlacedTask> placed_;
+  std::int64_t end_ = 0;
+};
+
+void VirtualStack::admit(const tasks::Calibration& given) {
+  std::vector<int> cpus;
+  for (int i = 0; i < options_.cores; ++i) cpus.push_back(i);
+  host_ = admit_host(scene_, given, cpus, {0.30}, options_.force_choice);
+  run_.admission = host_.admission;
+  run_.modes = host_.modes;
+  if (!host_.refusal.empty()) throw std::runtime_error("admission: " + host_.refusal);
+  if (!options_.quiet) std::printf("%s\n", admission_text(host_).c_str());
+  scene_.graph.fusion.tsdf.voxel_size_m = host_.voxel_m;
+  specs_ = host_.specs;
+  specs_.insert(specs_.end(), host_.workers.begin(), host_.workers.end());
+  set_box_options();
+}
+
+void VirtualStack::set_box_options() {
+  op_options_.mode_gate = robot_options_.mode_gate = host_.modes.gate;
+  faults_ = plan_of(options_);
+  op_options_.hash_outputs = robot_options_.hash_outputs = true;
+  op_options_.faults = robot_options_.faults = faults_;
+  op_options_.epoch = kOperatorClock.from_host(epoch_);
+  robot_options_.epoch = kRobotClock.from_host(epoch_);
+  if (options_.passer_from_s >= 0) {
+    robot_options_.passer_from =
+        robot_options_.epoch + rt::nanos_from_seconds(options_.passer_from_s);
+  }
+}
+
+void VirtualStack::build() {
+  build_boxes();
+  connect();
+  open_consoles();
+  if (!scene_.rgbd_dir.empty())
+    forces_.emplace(scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale);
+  add_events();
+  actors_.push_back(options_.wrap_link ? options_.wrap_link(*link_) : link_.get());
+  for (auto& a : owned_) actors_.push_back(a.get());
+  run_.effects = robot_->effects();
+  for (auto& e : op_->effects()) run_.effects.push_back(e);
+}
+
+void VirtualStack::build_boxes() {
+  const perception::Intrinsics camera = camera_of(scene_);
+  if (options_.record) {
+    const std::string folder = options_.report + "/raw";
+    save_setup(folder, scene_, options_.fault_plan);
+    op_inputs_ = make_recorder(nrt_, folder, rt::Box::kOperator, scene_, camera);
+    robot_inputs_ = make_recorder(nrt_, folder, rt::Box::kRobot, scene_, camera);
+    op_inputs_->wrap(op_options_);
+    robot_inputs_->wrap(robot_options_);
+  }
+  put_page_hand(nrt_, options_.page, op_options_);
+  robot_ = std::make_unique<RobotBox>(nrt_, scene_, robot_options_);
+  op_ = std::make_unique<OperatorBox>(nrt_, scene_, camera, op_options_);
+  if (options_.record) {
+    op_inputs_->attach(op_->graph(), op_->endpoint());
+    robot_inputs_->attach(robot_->graph(), robot_->endpoint());
+  }
+}
+
+void VirtualStack::connect() {
+  link_ = std::make_unique<SimLink>(
+      SimLink::End{&op_->endpoint(), &op_->graph().link(), kOperatorClock},
+      SimLink::End{&robot_->endpoint(), &robot_->graph().link(), kRobotClock}, scene_.link.shape,
+      epoch_ - handshake_);
+  link_->emulate(scene_.link.network, epoch_);
+  if (!link_->handshake(epoch_ - handshake_, epoch_))
+    throw std::runtime_error(
+        "link: no handshake before the start; lower the delay of link.shape or link.network");
+}
+
+void VirtualStack::open_consoles() {
+  op_console_ = std::make_unique<OperatorConsole>(*op_, scene_, op_options_.epoch);
+  robot_console_ = std::make_unique<RobotConsole>(*robot_);
+  if (!options_.log_folder.empty())
+    log_both(nrt_, options_.log_folder, *op_console_, op_last_, *robot_console_, robot_last_);
+  if (options_.page != nullptr)
+    options_.page->open(*op_, *op_console_, scene_, op_options_.epoch,
+                        options_.paced ? PageHook::Clock::kPaced : PageHook::Clock::kFree);
+}
+
+// What the ordinary threads of both boxes do every 20 ms.
+void VirtualStack::tick(std::int64_t host_ns) {
+  op_console_->tick(kOperatorClock.from_host(host_ns));
+  if (options_.page != nullptr) options_.page->tick(kOperatorClock.from_host(host_ns));
+  if (forces_) forces_->look(op_->graph().fusion().map(), op_console_->seen().haptic);
+  robot_console_->tick(kRobotClock.from_host(host_ns));
+  if (!options_.quiet) std::fputs(op_console_->news().c_str(), stdout);
+  keep_.look(op_console_->seen().mode, robot_console_->seen().mode, op_->graph().link().spared(),
+             host_ns);
+  if (op_last_) op_last_->watch(op_console_->seen().mode, kOperatorClock.from_host(host_ns));
+  if (robot_last_) robot_last_->watch(robot_console_->seen().mode, kRobotClock.from_host(host_ns));
+  for (auto* inputs : {op_inputs_.get(), robot_inputs_.get()}) {
+    if (inputs != nullptr) inputs->drain();
+  }
+}
+
+void VirtualStack::add_events() {
+  owned_.push_back(
+      std::make_unique<Periodic>(epoch_ + 7000000, 20000000, [this](std::int64_t t) { tick(t); }));
+  if (!options_.quiet) {
+    owned_.push_back(
+        std::make_unique<Periodic>(epoch_ + 1000000000, 1000000000, [this](std::int64_t t) {
+          std::printf("%s\n", op_console_->status_line(kOperatorClock.from_host(t)).c_str());
+          std::fflush(stdout);
+        }));
+  }
+  if (options_.cut_link_at_s >= 0)
+    add_once(options_.cut_link_at_s, [this](std::int64_t) { link_->cut(); });
+  if (options_.meddle)
+    add_once(options_.meddle_at_s, [this](std::int64_t) { options_.meddle(*op_); });
+}
+
+void VirtualStack::add_once(double at_s, std::function<void(std::int64_t)> body) {
+  owned_.push_back(std::make_unique<Periodic>(epoch_ + static_cast<std::int64_t>(at_s * 1e9),
+                                              std::int64_t{1} << 60, std::move(body)));
+}
+
+void VirtualStack::place() {
+  minutes_.emplace(options_.each_minute ? epoch_ + kMinute_ns : kNever_ns, kMinute_ns,
+                   [this](std::int64_t t) { options_.each_minute(t - epoch_); });
+  actors_.push_back(&*minutes_);
+  pacer_.emplace(epoch_, &rt::monotonic_ns, &sleep_until);
+  if (options_.paced) actors_.push_back(&*pacer_);
+  for (std::size_t i = 0; i < specs_.size(); ++i) {
+    const auto id = static_cast<tasks::TaskId>(i);
+    const bool of_op = specs_[i].box == rt::Box::kOperator;
+    rt::PlacedTask p = placed_task(host_, i);
+    if (!options_.stub_bodies && !specs_[i].is_worker()) {
+      p.body = of_op ? &op_->graph().body(id) : &robot_->graph().body(id);
+      if (options_.record) p.body = &(of_op ? *op_inputs_ : *robot_inputs_).body(id, *p.body);
+      if (options_.wrap_body) p.body = options_.wrap_body(id, *p.body);
+    }
+    placed_.push_back(p);
+  }
+  run_.op.log = log_header(placed_, rt::Box::kOperator, calibration_);
+  run_.robot.log = log_header(placed_, rt::Box::kRobot, calibration_);
+  if (!options_.log_folder.empty() && !options_.stub_bodies) open_black_boxes();
+}
+
+void VirtualStack::open_black_boxes() {
+  remove_black_boxes(options_.log_folder);
+  if (!(options_.black_box_s > 0)) return;
+  op_last_ = std::make_unique<BoxRecorder>(options_.log_folder, rt::Box::kOperator, run_.op.log,
+                                           options_.black_box_s);
+  robot_last_ = std::make_unique<BoxRecorder>(options_.log_folder, rt::Box::kRobot, run_.robot.log,
+                                              options_.black_box_s);
+}
+
+void VirtualStack::execute() {
+  rt::LogHasher hasher;
+  keep_.start(op_options_.epoch, robot_options_.epoch);
+  run_placed([&](const rt::JobRecord& r) {
+    hasher.add(r);
+    const bool of_op = specs_[r.task].box == rt::Box::kOperator;
+    keep_.add(of_op, r);
+    if (auto* last = of_op ? op_last_.get() : robot_last_.get()) last->add(r);
+  });
+  if (link_) {
+    const std::uint64_t bytes = link_->byte_hash();
+    hasher.add_bytes(&bytes, sizeof bytes);
+  }
+  keep_.finish();
+  run_.sched_hash = hasher.sched();
+  run_.log_hash = hasher.log();
+}
+
+void VirtualStack::run_placed(const std::function<void(const rt::JobRecord&)>& sink) {
+  rt::RunPlan plan;
+  plan.epoch_host_ns = epoch_;
+  plan.duration = rt::nanos_from_seconds(options_.seconds);
+  plan.clock[0] = kOperatorClock;
+  plan.clock[1] = kRobotClock;
+  rt::QuantileCosts costs(options_.cost_seed, tasks::make_costs(calibration_, specs_));
+  const rt::VirtualOptions how{options_.stub_bodies};
+  std::vector<std::string> names;
+  for (const auto& s : specs_) names.push_back(s.name);
+  rt::with_faults(options_.fault_plan.empty() ? nullptr : &faults_, names, [&](const auto& faults) {
+    end_ = execute_all(placed_, costs, faults, sink, how, actors_, plan, run_.op.totals,
+                       run_.robot.totals);
+  });
+  run_.wall_s = 1e-9 * static_cast<double>(pacer_->wall_ns());
+  run_.lag_s = 1e-9 * static_cast<double>(pacer_->lag_ns());
+  run_.stopped_early = end_ < epoch_ + plan.duration.count();
+  run_.seconds = 1e-9 * static_cast<double>(end_ - epoch_);
+}
+
+void VirtualStack::finish() {
+  run_.op.epoch_ns = rt::ns_of(op_options_.epoch);
+  run_.robot.epoch_ns = rt::ns_of(robot_options_.epoch);
+  for (auto* inputs : {op_inputs_.get(), robot_inputs_.get()}) {
+    if (inputs != nullptr) inputs->finish();
+  }
+  if (op_ && options_.page != nullptr) options_.page->close();
+  if (op_) end_consoles();
+  run_.op.complete = run_.robot.complete = true;
+  if (op_) keep_.save_views();
+}
+
+void VirtualStack::end_consoles() {
+  op_console_->tick(kOperatorClock.from_host(end_));
+  robot_console_->tick(kRobotClock.from_host(end_));
+  for (auto* last : {op_last_.get(), robot_last_.get()}) {
+    if (last != nullptr) last->end(run_.stopped_early ? kAskedToEnd : "");
+  }
+  if (op_last_) say_black_boxes(options_.log_folder);
+  save_scene(nrt_, *op_console_, op_->graph().fusion(), options_.log_folder, options_.save_map);
+  run_.op.link_round_trip_ns = op_->endpoint().round_trip().count();
+  take_views(run_, *op_console_, *robot_console_);
+  run_.op.force_check =
+      forces_ ? forces_->result()
+              : check_force(op_->graph().fusion().map(), run_.op.view.haptic,
+                            scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale);
+  run_.robot.camera_twin_cpu_ns = robot_->camera_twin_cpu_ns();
+}
+
 }  // namespace
 
 VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                        const tasks::Calibration& given) {
   VirtualRun run;
-  const tasks::Calibration calibration = as_asked(given, scene);
-  const std::int64_t handshake = handshake_ns(scene.link.way());
-  // Any instant; fixed, so that runs repeat.
-  const std::int64_t epoch = std::max<std::int64_t>(1000000000, handshake + 500000000);
-  std::vector<int> cpus;
-  for (int i = 0; i < options.cores; ++i) cpus.push_back(i);
-  const HostPlan host = admit_host(scene, given, cpus, {0.30}, options.force_choice);
-  run.admission = host.admission;
-  run.modes = host.modes;
-  if (!host.refusal.empty()) throw std::runtime_error("admission: " + host.refusal);
-  if (!options.quiet) std::printf("%s\n", admission_text(host).c_str());
-  scene.graph.fusion.tsdf.voxel_size_m = host.voxel_m;
-  std::vector<rt::TaskSpec> specs = host.specs;
-  specs.insert(specs.end(), host.workers.begin(), host.workers.end());
-
-  BoxOptions op_options, robot_options;
-  op_options.mode_gate = robot_options.mode_gate = host.modes.gate;
-  const rt::FaultPlan plan_of_faults = plan_of(options);
-  op_options.hash_outputs = robot_options.hash_outputs = true;
-  op_options.faults = robot_options.faults = plan_of_faults;
-  op_options.epoch = kOperatorClock.from_host(epoch);
-  robot_options.epoch = kRobotClock.from_host(epoch);
-  if (options.passer_from_s >= 0) {
-    robot_options.passer_from = robot_options.epoch + rt::nanos_from_seconds(options.passer_from_s);
-  }
-  std::unique_ptr<InputRecorder> op_inputs, robot_inputs;  // outlive what they are attached to
-  std::unique_ptr<RobotBox> robot;
-  std::unique_ptr<OperatorBox> op;
-  std::unique_ptr<SimLink> link;
-  std::unique_ptr<OperatorConsole> op_console;
-  std::unique_ptr<RobotConsole> robot_console;
-  std::unique_ptr<BoxRecorder> op_last, robot_last;  // black boxes
-  std::optional<ForceChecker> forces;  // of a recording: the hand presses while the map grows
-  JobKeepers keep(options, run);
-  std::vector<std::unique_ptr<rt::Actor>> owned;
-  std::vector<rt::Actor*> actors;
-  if (!options.stub_bodies) {
-    const perception::Intrinsics camera = camera_of(scene);
-    if (options.record) {
-      const std::string folder = options.report + "/raw";
-      save_setup(folder, scene, options.fault_plan);
-      op_inputs = make_recorder(nrt, folder, rt::Box::kOperator, scene, camera);
-      robot_inputs = make_recorder(nrt, folder, rt::Box::kRobot, scene, camera);
-      op_inputs->wrap(op_options);
-      robot_inputs->wrap(robot_options);
-    }
-    put_page_hand(nrt, options.page, op_options);
-    robot = std::make_unique<RobotBox>(nrt, scene, robot_options);
-    op = std::make_unique<OperatorBox>(nrt, scene, camera, op_options);
-    if (options.record) {
-      op_inputs->attach(op->graph(), op->endpoint());
-      robot_inputs->attach(robot->graph(), robot->endpoint());
-    }
-    link = std::make_unique<SimLink>(
-        SimLink::End{&op->endpoint(), &op->graph().link(), kOperatorClock},
-        SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock}, scene.link.shape,
-        epoch - handshake);
-    link->emulate(scene.link.network, epoch);
-    if (!link->handshake(epoch - handshake, epoch))
-      throw std::runtime_error(
-          "link: no handshake before the start; lower the delay of link.shape or link.network");
-    op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
-    robot_console = std::make_unique<RobotConsole>(*robot);
-    if (!options.log_folder.empty())
-      log_both(nrt, options.log_folder, *op_console, op_last, *robot_console, robot_last);
-    if (options.page != nullptr)
-      options.page->open(*op, *op_console, scene, op_options.epoch,
-                         options.paced ? PageHook::Clock::kPaced : PageHook::Clock::kFree);
-    if (!scene.rgbd_dir.empty())
-      forces.emplace(scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
-    owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
-      op_console->tick(kOperatorClock.from_host(t));
-      if (options.page != nullptr) options.page->tick(kOperatorClock.from_host(t));
-      if (forces) forces->look(op->graph().fusion().map(), op_console->seen().haptic);
-      robot_console->tick(kRobotClock.from_host(t));
-      if (!options.quiet) std::fputs(op_console->news().c_str(), stdout);
-      keep.look(op_console->seen().mode, robot_console->seen().mode, op->graph().link().spared(),
-                t);
-      if (op_last) op_last->watch(op_console->seen().mode, kOperatorClock.from_host(t));
-      if (robot_last) robot_last->watch(robot_console->seen().mode, kRobotClock.from_host(t));
-      for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
-        if (inputs != nullptr) inputs->drain();
-      }
-    }));
-    if (!options.quiet) {
-      owned.push_back(
-          std::make_unique<Periodic>(epoch + 1000000000, 1000000000, [&](std::int64_t t) {
-            std::printf("%s\n", op_console->status_line(kOperatorClock.from_host(t)).c_str());
-            std::fflush(stdout);
-          }));
-    }
-    if (options.cut_link_at_s >= 0) {
-      owned.push_back(
-          std::make_unique<Periodic>(epoch + static_cast<std::int64_t>(options.cut_link_at_s * 1e9),
-                                     std::int64_t{1} << 60, [&](std::int64_t) { link->cut(); }));
-    }
-    if (options.meddle) {
-      owned.push_back(std::make_unique<Periodic>(
-          epoch + static_cast<std::int64_t>(options.meddle_at_s * 1e9), std::int64_t{1} << 60,
-          [&](std::int64_t) { options.meddle(*op); }));
-    }
-    actors.push_back(options.wrap_link ? options.wrap_link(*link) : link.get());
-    for (auto& a : owned) actors.push_back(a.get());
-    run.effects = robot->effects();
-    for (auto& e : op->effects()) run.effects.push_back(e);
-  }
-
-  Periodic minutes(options.each_minute ? epoch + kMinute_ns : kNever_ns, kMinute_ns,
-                   [&](std::int64_t t) { options.each_minute(t - epoch); });
-  actors.push_back(&minutes);
-  Pacer pacer(epoch, &rt::monotonic_ns, &sleep_until);
-  if (options.paced) actors.push_back(&pacer);
-
-  std::vector<rt::PlacedTask> placed;
-  for (std::size_t i = 0; i < specs.size(); ++i) {
-    const auto id = static_cast<tasks::TaskId>(i);
-    rt::PlacedTask p = placed_task(host, i);
-    if (!options.stub_bodies && !specs[i].is_worker()) {
-      p.body =
-          specs[i].box == rt::Box::kOperator ? &op->graph().body(id) : &robot->graph().body(id);
-      if (options.record) {
-        auto& inputs = specs[i].box == rt::Box::kOperator ? *op_inputs : *robot_inputs;
-        p.body = &inputs.body(id, *p.body);
-      }
-      if (options.wrap_body) p.body = options.wrap_body(id, *p.body);
-    }
-    placed.push_back(p);
-  }
-  run.op.log = log_header(placed, rt::Box::kOperator, calibration);
-  run.robot.log = log_header(placed, rt::Box::kRobot, calibration);
-  if (!options.log_folder.empty() && !options.stub_bodies) {
-    remove_black_boxes(options.log_folder);
-    if (options.black_box_s > 0) {
-      op_last = std::make_unique<BoxRecorder>(options.log_folder, rt::Box::kOperator, run.op.log,
-                                              options.black_box_s);
-      robot_last = std::make_unique<BoxRecorder>(options.log_folder, rt::Box::kRobot, run.robot.log,
-                                                 options.black_box_s);
-    }
-  }
-  rt::LogHasher hasher;
-  keep.start(op_options.epoch, robot_options.epoch);
-  const auto sink = [&](const rt::JobRecord& r) {
-    hasher.add(r);
-    const bool of_op = specs[r.task].box == rt::Box::kOperator;
-    keep.add(of_op, r);
-    if (auto* last = of_op ? op_last.get() : robot_last.get()) last->add(r);
-  };
-  rt::RunPlan plan;
-  plan.epoch_host_ns = epoch;
-  plan.duration = rt::nanos_from_seconds(options.seconds);
-  plan.clock[0] = kOperatorClock;
-  plan.clock[1] = kRobotClock;
-  rt::QuantileCosts costs(options.cost_seed, tasks::make_costs(calibration, specs));
-  const rt::VirtualOptions how{options.stub_bodies};
-  std::vector<std::string> names;
-  for (const auto& s : specs) names.push_back(s.name);
-  std::int64_t end = epoch;
-  rt::with_faults(options.fault_plan.empty() ? nullptr : &plan_of_faults, names,
-                  [&](const auto& faults) {
-                    end = execute(placed, costs, faults, sink, how, actors, plan, run.op.totals,
-                                  run.robot.totals);
-                  });
-  run.wall_s = 1e-9 * static_cast<double>(pacer.wall_ns());
-  run.lag_s = 1e-9 * static_cast<double>(pacer.lag_ns());
-  if (link) {
-    const std::uint64_t bytes = link->byte_hash();
-    hasher.add_bytes(&bytes, sizeof bytes);
-  }
-  keep.finish();
-  run.stopped_early = end < epoch + plan.duration.count();
-  run.seconds = 1e-9 * static_cast<double>(end - epoch);
-  run.sched_hash = hasher.sched();
-  run.log_hash = hasher.log();
-  run.op.epoch_ns = rt::ns_of(op_options.epoch);
-  run.robot.epoch_ns = rt::ns_of(robot_options.epoch);
-  for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
-    if (inputs != nullptr) inputs->finish();
-  }
-  if (op && options.page != nullptr) options.page->close();
-  if (op) {
-    op_console->tick(kOperatorClock.from_host(end));
-    robot_console->tick(kRobotClock.from_host(end));
-    for (auto* last : {op_last.get(), robot_last.get()}) {
-      if (last != nullptr) last->end(run.stopped_early ? kAskedToEnd : "");
-    }
-    if (op_last) say_black_boxes(options.log_folder);
-    save_scene(nrt, *op_console, op->graph().fusion(), options.log_folder, options.save_map);
-    run.op.link_round_trip_ns = op->endpoint().round_trip().count();
-    take_views(run, *op_console, *robot_console);
-    run.op.force_check =
-        forces ? forces->result()
-               : check_force(op->graph().fusion().map(), run.op.view.haptic,
-                             scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
-    run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
-  }
-  run.op.complete = run.robot.complete = true;
-  if (op) keep.save_views();
+  VirtualStack stack(nrt, scene, options, given, run);
+  stack.admit(given);
+  if (!options.stub_bodies) stack.build();
+  stack.place();
+  stack.execute();
+  stack.finish();
   return run;
 }
 
