@@ -116,8 +116,8 @@ CycleResult Master::finish(const Places& p, int expected, Half h) noexcept {
   const bool sent = frames_.send();
   refused_in_row_ = sent ? 0 : refused_in_row_ + 1;
   if (!sent) {
-    // A card whose queue is full refuses a frame, which is no more than lost. One that goes on sends
-    // none, whatever it says of its carrier: a fall of it may be told ten milliseconds later.
+    // A card whose queue is full refuses a frame, which is no more than lost. One that goes on
+    // sends none, whatever it says of its carrier: a fall of it may be told 10 ms later.
     const bool down = refused_in_row_ > kMostRefused || !frames_.port().link_up();
     r.status = down ? CycleStatus::kLinkDown : CycleStatus::kLost;
   } else if (!frames_.collect(frames_.port().now() + patience)) {
