@@ -91,14 +91,15 @@ void try_write(BoxRunner& runner, const std::function<void()>& write) {
   }
 }
 
-template <class Half>
-void save_whole(const std::string& folder, Half& half, BoxRunner& runner) {
+template <class Side>
+void save_whole(const std::string& folder, Side& side, BoxRunner& runner) {
+  auto& half = side.half();
   half.totals = runner.totals;
   half.dropped_records = runner.dropped;
   half.hangs = runner.hangs;
   half.ordinary = runner.ordinary;
   half.complete = true;
-  if (!save_half(folder, half))
+  if (!side.save(folder))
     runner.refused.tell(runner.name(), folder + "/" + runner.name() + ".view",
                         "the report lacks the end of the run");
 }
@@ -144,7 +145,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
     if (const auto line = inputs->problem(); !line.empty())
       runner.refused.tell(runner.name(), line);
   };
-  runner.save = [&] { return save_half(plan.folder, side.half()); };
+  runner.save = [&] { return side.save(plan.folder); };
   runner.make_safe = [&] { side.make_safe(); };
   runner.mode = [&] { return side.console.seen().mode; };
   if constexpr (Side::kBox == rt::Box::kRobot)
@@ -158,7 +159,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   try_write(runner, [&] { side.finish(nrt, link); });
   link.stop();
   if (inputs) try_write(runner, [&] { inputs->finish(); });
-  save_whole(plan.folder, side.half(), runner);
+  save_whole(plan.folder, side, runner);
   if (runner.hangs > 0) return kTaskHung;
   return runner.refused.any() ? kFileRefused : 0;
 }

@@ -84,12 +84,6 @@ void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
   }
 }
 
-OperatorHalf& OperatorSide::half() {
-  half_.view = console.copy();
-  half_.link = console.link();
-  return half_;
-}
-
 void OperatorSide::finish(rt::NonRealtime& nrt, const drivers::LinkTransport& link) {
   if (options_.page != nullptr) options_.page->close();
   half_.link_round_trip_ns = link.round_trip_ns();
@@ -120,11 +114,6 @@ rt::Result<std::unique_ptr<drivers::TcpLink>> RobotSide::open_link(const Scene& 
   std::ofstream(port + ".tmp") << link.value()->port() << '\n';
   std::rename((port + ".tmp").c_str(), port.c_str());  // whole or not there
   return link;
-}
-
-RobotHalf& RobotSide::half() {
-  half_.view = console.seen();
-  return half_;
 }
 
 void RobotSide::finish(rt::NonRealtime&, const drivers::LinkTransport&) {

@@ -10,6 +10,7 @@
 #include "rt/sched/task.hpp"
 #include "tools/box/box_main.hpp"
 #include "tools/box/picture_phase.hpp"
+#include "tools/host/run_results.hpp"
 #include "tools/scene/box_devices.hpp"
 
 namespace teletact {
@@ -29,7 +30,11 @@ class OperatorSide {
   // From now on fusion, one of `placed`, is released when pictures have typically arrived.
   void keep_phase(std::vector<rt::PlacedTask>& placed);
   void make_safe() { box.device().make_safe(); }
-  [[nodiscard]] OperatorHalf& half();
+  // What it has seen so far, with `half`, into the run's folder. False: the disk refused it.
+  [[nodiscard]] bool save(const std::string& folder) const {
+    return save_half(folder, half_, console.seen(), console.link());
+  }
+  [[nodiscard]] OperatorHalf& half() noexcept { return half_; }  // but for what the console holds
   void finish(rt::NonRealtime& nrt, const drivers::LinkTransport& link);
 
   OperatorBox box;
@@ -61,7 +66,10 @@ class RobotSide {
                                                                                const BoxPlan& plan);
   void tick(rt::Time t, drivers::LinkTransport&) { console.tick(t); }
   void make_safe() { box.make_safe(); }
-  [[nodiscard]] RobotHalf& half();
+  [[nodiscard]] bool save(const std::string& folder) const {
+    return save_half(folder, half_, console.seen());
+  }
+  [[nodiscard]] RobotHalf& half() noexcept { return half_; }
   void finish(rt::NonRealtime&, const drivers::LinkTransport&);
 
   RobotBox box;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <span>
 #include <stdexcept>
 
 #include "perception/map_file/map_file.hpp"
@@ -45,6 +46,13 @@ OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time 
       camera_width_px_(box.camera().width),
       force_act_(box.person_simulated()),
       touch_script_(box.hand(), reach_of(scene)) {
+  // What one tick may bring comes before the older half goes.
+  hold_room(seen_.haptic, 2 * kWholeTicks + tasks::HapticSamples::capacity());
+  hold_room(seen_.fusion, 2 * kWholeFrames + tasks::FusionSamples::capacity());
+  hold_room(seen_.haptic_thin.kept, Decimated<tasks::HapticSample>::kMost);
+  hold_room(seen_.arrived, 2 * kWholeArrivals + 1);
+  hold_room(seen_.paths, kWholePaths + 1);
+  hold_room(link_.newest, 2 * LinkSeen::kWhole + tasks::LinkSamples::capacity());
   for (std::size_t i = 0; i < tasks::kLimitTable.size(); ++i) {
     if (tasks::kLimitTable[i].reader == tasks::kConsole)
       watches_.emplace_back(i, box.graph().config(), nullptr);
@@ -144,8 +152,7 @@ void OperatorConsole::fold_samples() {
   const double touch_N_per_m = haptic.stiffness_N_per_m / haptic.scale;
   const std::int64_t epoch_ns = rt::ns_of(epoch_);
   if (seen_.haptic.size() >= 2 * kWholeTicks) {
-    const std::vector<tasks::HapticSample> oldest(
-        seen_.haptic.begin(), seen_.haptic.begin() + static_cast<std::ptrdiff_t>(kWholeTicks));
+    const auto oldest = std::span(seen_.haptic).first(kWholeTicks);
     seen_.touched_past =
         touched_places(touch_script_.visits(), oldest, epoch_ns, seen_.touched_past).visits;
   }
@@ -324,46 +331,6 @@ void OperatorConsole::tick(rt::Time now) {
   }
 }
 
-OperatorView OperatorConsole::copy() const {
-  OperatorView v;
-  v.haptic = seen_.haptic;
-  v.fusion = seen_.fusion;
-  v.haptic_past = seen_.haptic_past;
-  v.fusion_past = seen_.fusion_past;
-  v.haptic_thin = seen_.haptic_thin;
-  v.touched_past = seen_.touched_past;
-  v.paths = seen_.paths;
-  v.task = seen_.task;
-  v.camera = seen_.camera;
-  v.objects = seen_.objects;
-  v.objects_named = seen_.objects_named;
-  v.mode = seen_.mode;
-  v.robot = seen_.robot;
-  *v.view = *seen_.view;
-  *v.map = *seen_.map;
-  *v.moving_view = *seen_.moving_view;
-  *v.moving_map = *seen_.moving_map;
-  v.world = seen_.world;
-  v.error_max_m = seen_.error_max_m;
-  v.unsure_s = seen_.unsure_s;
-  v.held_s = seen_.held_s;
-  v.held = seen_.held;
-  v.held_ms = seen_.held_ms;
-  v.held_limit_ms = seen_.held_limit_ms;
-  v.arrived = seen_.arrived;
-  v.arrivals = seen_.arrivals;
-  v.first_arrival = seen_.first_arrival;
-  v.points_resolved = seen_.points_resolved;
-  v.visits = seen_.visits;
-  v.device_brakes = seen_.device_brakes;
-  v.engages = seen_.engages;
-  v.clears = seen_.clears;
-  v.edits = seen_.edits;
-  v.beyond = seen_.beyond;
-  v.log_dropped = seen_.log_dropped;
-  return v;
-}
-
 void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
                 const tasks::FusionTask& fusion, const std::string& folder,
                 const std::string& map_file) {
@@ -378,7 +345,12 @@ void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
 RobotConsole::RobotConsole(RobotBox& box)
     : box_(box),
       mode_in_(tasks::limit_row(tasks::EdgeId::kRobotMode, tasks::kConsole), box.graph().config(),
-               nullptr) {}
+               nullptr) {
+  hold_room(seen_.robot, 2 * kWholeTicks + tasks::RobotSamples::capacity());
+  hold_room(seen_.truth, 2 * kWholeTruth + 1);
+  hold_room(seen_.robot_past.kept, Decimated<tasks::RobotSample>::kMost);
+  hold_room(seen_.truth_past.kept, Decimated<TruthSample>::kMost);
+}
 
 void RobotConsole::tick(rt::Time now) {
   if (log_) {

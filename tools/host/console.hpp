@@ -89,7 +89,6 @@ class OperatorConsole {
               std::function<void()> refused = {});
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
   [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
-  [[nodiscard]] OperatorView copy() const;
   [[nodiscard]] const LinkSeen& link() const noexcept { return link_; }
   void ramp_down() noexcept { box_.graph().requests().ramp_down.store(true); }
   [[nodiscard]] std::string status_line(rt::Time now) const;

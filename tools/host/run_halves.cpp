@@ -50,40 +50,45 @@ bool save_whole(const std::string& path, const Body& body) {
 }  // namespace
 
 bool save_half(const std::string& folder, const OperatorHalf& h) {
+  return save_half(folder, h, h.view, h.link);
+}
+
+bool save_half(const std::string& folder, const OperatorHalf& h, const OperatorView& view,
+               const LinkSeen& link) {
   return save_whole(folder + "/operator.view", [&](Saver& s) {
     s.one(h.epoch_ns);
-    s.many(h.view.haptic);
-    s.many(h.view.haptic_thin.kept);
-    s.one(h.view.haptic_past);
-    s.one(h.view.fusion_past);
-    s.many(h.view.touched_past);
-    s.many(h.view.fusion);
-    s.many(h.link.newest);
-    s.one(h.link.past);
-    s.many(h.view.paths);
-    s.one(h.view.task);
-    s.one(h.view.camera);
-    s.one(h.view.objects);
-    s.one(h.view.objects_named);
-    s.one(h.view.mode);
-    s.one(h.view.robot);
-    s.one(h.view.world);
-    s.one(h.view.error_max_m);
-    s.one(h.view.unsure_s);
-    s.one(h.view.held_s);
-    s.one(h.view.held, h.view.held_ms, h.view.held_limit_ms);
-    s.many(h.view.arrived);
-    s.one(h.view.arrivals);
-    s.one(h.view.first_arrival);
-    s.one(h.view.points_resolved);
-    s.many(h.view.visits);
-    s.one(h.view.device_brakes);
-    s.one(h.view.engages, h.view.clears, h.view.edits);
-    s.one(h.view.log_dropped);
-    s.one(*h.view.view);
-    s.one(*h.view.map);
-    s.one(*h.view.moving_view);
-    s.one(*h.view.moving_map);
+    s.many(view.haptic);
+    s.many(view.haptic_thin.kept);
+    s.one(view.haptic_past);
+    s.one(view.fusion_past);
+    s.many(view.touched_past);
+    s.many(view.fusion);
+    s.many(link.newest);
+    s.one(link.past);
+    s.many(view.paths);
+    s.one(view.task);
+    s.one(view.camera);
+    s.one(view.objects);
+    s.one(view.objects_named);
+    s.one(view.mode);
+    s.one(view.robot);
+    s.one(view.world);
+    s.one(view.error_max_m);
+    s.one(view.unsure_s);
+    s.one(view.held_s);
+    s.one(view.held, view.held_ms, view.held_limit_ms);
+    s.many(view.arrived);
+    s.one(view.arrivals);
+    s.one(view.first_arrival);
+    s.one(view.points_resolved);
+    s.many(view.visits);
+    s.one(view.device_brakes);
+    s.one(view.engages, view.clears, view.edits);
+    s.one(view.log_dropped);
+    s.one(*view.view);
+    s.one(*view.map);
+    s.one(*view.moving_view);
+    s.one(*view.moving_map);
     s.many(h.totals);
     s.one(h.dropped_records);
     s.one(h.hangs);
@@ -117,15 +122,19 @@ void load_half(const std::string& folder, OperatorHalf& h, const rt::StorePiece&
 }
 
 bool save_half(const std::string& folder, const RobotHalf& h) {
+  return save_half(folder, h, h.view);
+}
+
+bool save_half(const std::string& folder, const RobotHalf& h, const RobotView& view) {
   return save_whole(folder + "/robot.view", [&](Saver& s) {
     s.one(h.epoch_ns);
-    s.many(h.view.robot);
-    s.many(h.view.truth);
-    s.many(h.view.robot_past.kept);
-    s.many(h.view.truth_past.kept);
-    s.one(h.view.tracking_error_max_m);
-    s.one(h.view.mode);
-    s.one(h.view.log_dropped);
+    s.many(view.robot);
+    s.many(view.truth);
+    s.many(view.robot_past.kept);
+    s.many(view.truth_past.kept);
+    s.one(view.tracking_error_max_m);
+    s.one(view.mode);
+    s.one(view.log_dropped);
     s.many(h.totals);
     s.one(h.camera_twin_cpu_ns);
     s.one(h.ordinary);

@@ -54,6 +54,14 @@ struct FusionTally {
   void add(const tasks::FusionSample& s) noexcept;
 };
 
+// Takes and touches the memory for so many values, once, before the run: a list that grows to its
+// bound in the run takes it then, and leaves behind the smaller blocks that it grew out of.
+template <class T>
+void hold_room(std::vector<T>& values, std::size_t most) {
+  values.resize(most);
+  values.clear();
+}
+
 // The oldest half of `values` goes, each through `take`, once there are twice `whole` of them.
 template <class T, class Take>
 void fold_older(std::vector<T>& values, std::size_t whole, const Take& take) {

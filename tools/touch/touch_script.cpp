@@ -159,7 +159,7 @@ std::string TouchedPlaces::text() const {
 }
 
 TouchedPlaces touched_places(const std::vector<Visit>& visits,
-                             const std::vector<tasks::HapticSample>& samples, std::int64_t epoch_ns,
+                             std::span<const tasks::HapticSample> samples, std::int64_t epoch_ns,
                              const std::vector<Touched>& before) {
   TouchedPlaces out;
   for (const Visit& v : visits) {

@@ -12,6 +12,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -84,7 +85,7 @@ inline constexpr int kLeastTouches = 5;  // of a recording; fewer where the run 
 [[nodiscard]] std::string too_few_touches(const TouchedPlaces& touched, int asked);
 // `before`: of the same visits, by samples that are gone.
 [[nodiscard]] TouchedPlaces touched_places(const std::vector<Visit>& visits,
-                                           const std::vector<tasks::HapticSample>& samples,
+                                           std::span<const tasks::HapticSample> samples,
                                            std::int64_t epoch_ns,
                                            const std::vector<Touched>& before = {});
 

@@ -97,6 +97,30 @@ TEST(ViewTally, HapticFiguresDoNotDependOnWhatIsGone) {
   EXPECT_EQ(past.force_N, force);
 }
 
+// As the consoles hold theirs: however long it goes on, the memory is that of the start.
+TEST(ViewTally, AListWithRoomStaysWhereItIs) {
+  constexpr std::size_t kWhole = 700, kAtOnce = 64;
+  std::vector<std::uint64_t> held;
+  teletact::hold_room(held, 2 * kWhole + kAtOnce);
+  Decimated<std::uint64_t> thin;
+  teletact::hold_room(thin.kept, Decimated<std::uint64_t>::kMost);
+  ASSERT_TRUE(held.empty());
+  const auto* const place = held.data();
+  const auto* const thin_place = thin.kept.data();
+  rt::Random random(5);
+  std::uint64_t next = 0, gone = 0;
+  while (next < 100000) {
+    for (std::uint64_t n = random.uniform() < 0.1 ? kAtOnce : 7; n > 0; --n) held.push_back(next++);
+    teletact::fold_older(held, kWhole, [&](std::uint64_t old) {
+      EXPECT_EQ(old, gone++);
+      thin.add(old);
+    });
+  }
+  EXPECT_EQ(held.data(), place);
+  EXPECT_EQ(thin.kept.data(), thin_place);
+  EXPECT_EQ(gone + held.size(), next);
+}
+
 TEST(ViewTally, DecimatedKeepsEveryNthOfAnyNumber) {
   Decimated<int> d;
   for (int i = 0; i < 1000000; ++i) {
