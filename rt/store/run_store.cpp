@@ -53,7 +53,8 @@ void RunStore::begin(const RunLog& header) {
   if (options_.cap_bytes < StoreOptions::kLeastCap || !(options_.segment_s >= 0.1))
     throw std::runtime_error("store: a cap of at least 32 MiB and segments of at least 0.1 s");
   for (const TaskLog& t : header.tasks) ids_.push_back(t.id);
-  open_ = fresh(0);
+  open_.jobs.resize(ids_.size());
+  waiting_.jobs.resize(ids_.size());
   std::string text = kStoreTitle + std::to_string(sizeof(JobRecord)) + ' ' +
                      std::to_string(sizeof(SentinelRecord)) + '\n' + run_header_lines(header);
   text += "crc " + std::to_string(store_crc(bytes_of(text))) + '\n';
@@ -61,11 +62,14 @@ void RunStore::begin(const RunLog& header) {
   if (!disk_->replace("header", bytes_of(text))) disk_refused("header");
 }
 
-RunStore::Segment RunStore::fresh(std::uint32_t number) const {
-  Segment s;
-  s.number = number;
-  s.jobs.resize(ids_.size());
-  return s;
+void RunStore::Segment::begin_anew(std::uint32_t number_) {
+  number = number_;
+  from_ns = 0;
+  bytes = records = 0;
+  broken = false;
+  for (auto& of_task : jobs) of_task.clear();
+  sentinels.clear();
+  events.clear();
 }
 
 // The segment that a record of this release belongs to.
@@ -199,13 +203,13 @@ void RunStore::write_block() noexcept {
 void RunStore::roll() {
   if (!block_.empty()) write_block();
   if (has_waiting_) fold_waiting();
-  const std::uint32_t number = open_.number;
-  waiting_ = std::exchange(open_, fresh(number + 1));
+  std::swap(waiting_, open_);
+  open_.begin_anew(waiting_.number + 1);
   has_waiting_ = true;
 }
 
 void RunStore::fold_waiting() {
-  std::vector<SentinelRecord> around = std::move(before_);
+  std::vector<SentinelRecord> around = before_;
   around.insert(around.end(), waiting_.sentinels.begin(), waiting_.sentinels.end());
   around.insert(around.end(), open_.sentinels.begin(), open_.sentinels.end());
   Part part = folder_.fold(waiting_.jobs, waiting_.sentinels, around);
@@ -221,8 +225,8 @@ void RunStore::fold_waiting() {
   } else if (waiting_.bytes > 0) {
     files_.push_back({true, waiting_.number, waiting_.number, waiting_.bytes});
   }
-  before_ = std::move(waiting_.sentinels);
-  waiting_ = {};
+  std::swap(before_, waiting_.sentinels);
+  waiting_.begin_anew(0);
   has_waiting_ = false;
   write_held();
   thin();

@@ -88,11 +88,13 @@ class RunStore {
     std::vector<std::vector<JobRecord>> jobs;  // by the header's order
     std::vector<SentinelRecord> sentinels;
     std::vector<StoreEvent> events;
+
+    // Empty, with the memory that it has: two take turns, so that a run of days asks for none.
+    void begin_anew(std::uint32_t number_);
   };
   void begin(const RunLog& header);
   [[nodiscard]] std::uint64_t bytes() const noexcept;
   Segment& take(std::int64_t release_ns);
-  [[nodiscard]] Segment fresh(std::uint32_t number) const;
   void roll();
   void fold_waiting();
   void write_block() noexcept;
