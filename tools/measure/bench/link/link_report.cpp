@@ -4,6 +4,7 @@
 #include <limits>
 #include <sstream>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/link/link_bench.hpp"
 
 namespace teletact {
@@ -52,6 +53,21 @@ std::string congestion_text(const LinkRow& r) {
   return r.robot_congestion == r.operator_congestion
              ? r.robot_congestion
              : r.robot_congestion + " / " + r.operator_congestion;
+}
+
+void print_stages(std::ostream& out, const std::map<std::string, LinkRow>& rows) {
+  const auto rest = rows.find("rest");
+  if (rest == rows.end() || rest->second.felt_stages.empty()) return;
+  const auto& all = rest->second.felt_stages;
+  out << "rest: from an exposure to the force that it causes, p50 and p95 of each stage, ms:\n";
+  for (std::size_t i = 0; i < kStages; ++i) {
+    std::vector<double> ms;
+    for (const Stages_ms& one : all) ms.push_back(one[i]);
+    char line[80];
+    std::snprintf(line, sizeof line, "  %-16s %6.1f %6.1f\n", kStageNames[i], rt::quantile(ms, 0.5),
+                  rt::quantile(ms, 0.95));
+    out << line;
+  }
 }
 
 }  // namespace
@@ -170,6 +186,7 @@ void LinkBenchResult::print(std::ostream& out) const {
                   d.silence.stands_ms);
     out << line;
   }
+  print_stages(out, rows);
   out << "ages in ms; others: cores that other work took; congestion: read back by both boxes\n";
   teletact::print(out, limits());
 }

@@ -103,10 +103,9 @@ Silence after_silences(const std::vector<tasks::RobotSample>& robot,
   return out;
 }
 
-std::vector<double> felt_after_ms(const std::vector<tasks::HapticSample>& haptic,
-                                  const std::vector<tasks::FusionSample>& fusion,
-                                  std::int64_t clock_ns) {
-  std::vector<double> out;
+std::vector<Felt> felt_images(std::span<const tasks::HapticSample> haptic,
+                              std::span<const tasks::FusionSample> fusion) {
+  std::vector<Felt> out;
   std::size_t at = 0;
   const tasks::FusionSample* newest = nullptr;  // that the patch in use knows
   const tasks::FusionSample* felt = nullptr;
@@ -121,7 +120,18 @@ std::vector<double> felt_after_ms(const std::vector<tasks::HapticSample>& haptic
     }
     if (!h.in_contact || newest == nullptr || newest == felt) continue;
     felt = newest;
-    out.push_back(1e-6 * static_cast<double>((h.stamp - felt->exposure).count() + clock_ns));
+    out.push_back({felt, &h});
+  }
+  return out;
+}
+
+std::vector<double> felt_after_ms(const std::vector<tasks::HapticSample>& haptic,
+                                  const std::vector<tasks::FusionSample>& fusion,
+                                  std::int64_t clock_ns) {
+  std::vector<double> out;
+  for (const Felt& f : felt_images(haptic, fusion)) {
+    out.push_back(1e-6 *
+                  static_cast<double>((f.tick->stamp - f.image->exposure).count() + clock_ns));
   }
   return out;
 }

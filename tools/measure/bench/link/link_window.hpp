@@ -51,6 +51,14 @@ struct Silence {
 [[nodiscard]] Silence after_silences(const std::vector<tasks::RobotSample>& robot,
                                      std::span<const std::int64_t> silences_ns, double until_ms);
 
+// An image that the map took in, and the first tick of the hand in contact whose force knows it.
+struct Felt {
+  const tasks::FusionSample* image = nullptr;
+  const tasks::HapticSample* tick = nullptr;
+};
+[[nodiscard]] std::vector<Felt> felt_images(std::span<const tasks::HapticSample> haptic,
+                                            std::span<const tasks::FusionSample> fusion);
+
 // From the exposure of an image to the first tick of the hand in contact whose force knows it, ms,
 // one for each image that the map took in. `clock_ns`: what the link's measure of the robot's clock
 // is off (made - made_remote): taken out, so that the times are true.

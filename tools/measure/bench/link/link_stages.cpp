@@ -1,0 +1,58 @@
+#include "tools/measure/bench/link/link_stages.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "tools/measure/bench/link/link_window.hpp"
+
+namespace teletact {
+
+namespace {
+
+// An image is on its way for less; older jobs of capture are not looked at.
+constexpr std::int64_t kLongest_ns = 1'000'000'000;
+
+// The job that coded the picture: behind its exposure, with so many bytes. Others have, as a rule,
+// another number.
+const rt::JobRecord* coded_by(std::span<const rt::JobRecord> jobs, const tasks::LinkSample& s) {
+  const rt::JobRecord* best = nullptr;
+  std::int64_t least = 0;
+  auto job = std::partition_point(jobs.begin(), jobs.end(), [&](const rt::JobRecord& j) {
+    return j.start_ns < s.made_remote_ns;
+  });
+  for (; job != jobs.end() && job->end_ns < rt::ns_of(s.stamp); ++job) {
+    if (job->work == 0 || job->start_ns > s.made_remote_ns + kLongest_ns) continue;
+    const std::int64_t off = std::abs(static_cast<std::int64_t>(job->work) - s.bytes);
+    if (best == nullptr || off < least) best = &*job, least = off;
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<Stages_ms> felt_stages(const StagesOf& of) {
+  std::vector<Stages_ms> out;
+  for (const Felt& felt : felt_images(of.haptic, of.fusion)) {
+    const auto picture = std::find_if(
+        of.link.begin(), of.link.end(),
+        [&](const tasks::LinkSample& s) { return s.picture && s.made == felt.image->exposure; });
+    const std::int64_t start_ns = rt::ns_of(felt.image->stamp);
+    const auto fused = std::find_if(of.fusion_jobs.begin(), of.fusion_jobs.end(),
+                                    [&](const rt::JobRecord& j) { return j.start_ns == start_ns; });
+    if (picture == of.link.end() || fused == of.fusion_jobs.end()) continue;
+    const rt::JobRecord* coded = coded_by(of.capture_jobs, *picture);
+    if (coded == nullptr) continue;
+    const std::array<std::int64_t, kStages + 1> at{rt::ns_of(felt.image->exposure) - of.clock_ns,
+                                                   coded->start_ns,
+                                                   coded->end_ns,
+                                                   rt::ns_of(picture->stamp),
+                                                   start_ns,
+                                                   fused->end_ns,
+                                                   rt::ns_of(felt.tick->stamp)};
+    Stages_ms& ms = out.emplace_back();
+    for (std::size_t i = 0; i < kStages; ++i) ms[i] = 1e-6 * static_cast<double>(at[i + 1] - at[i]);
+  }
+  return out;
+}
+
+}  // namespace teletact
