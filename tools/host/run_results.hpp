@@ -60,7 +60,7 @@ struct RobotHalf {
 // <folder>/operator.view, robot.view: raw records of this build, read back on this host only.
 // False: the disk refused it, and the one that was saved before stays.
 bool save_half(const std::string& folder, const OperatorHalf& half);
-// The same, with what a console and the link still hold in place of the half's own: no copy is made.
+// The same, with what a console and the link still hold in place of the half's own: no copy.
 bool save_half(const std::string& folder, const OperatorHalf& half, const OperatorView& view,
                const LinkSeen& link);
 bool save_half(const std::string& folder, const RobotHalf& half);
