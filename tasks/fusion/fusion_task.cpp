@@ -76,8 +76,9 @@ rt::Result<bool> FusionTask::load_map(rt::NonRealtime& nrt, const perception::Ma
   return true;
 }
 
-rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+rt::Health FusionTask::begin_step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.begin();
+  consumed_ = nullptr;
   stages_.times = Profile{};
   ++periods_;
 
@@ -128,14 +129,19 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const In& in, Out& out) noe
   if (learns) learn(frame, knobs, out);
   if (objects_) follow_objects(frame, out);
   if (learns && r.fully_constrained) search_.remember(frame, camera_.X_WC);
-  // While lost, keep the last model as the search target; what was found is tracked next.
-  if (r.state != TrackingState::kLost || search_.confirming())
-    scene_.cast_model(tracking_, camera_.X_WC, knobs.pixel_step, out);
-  scene_.keep_in_place(tracking_, camera_.X_WC, search_.lost(), out);
+  consumed_ = &knobs;
   scene_.see_ground(tracking_, camera_, r, learns);
   page(out);
   write_camera(out);
   return health_of(out);
+}
+
+// What the next image is tracked against, from the map as it is now. While lost, the last model
+// stays as the search target; what was found is tracked next.
+void FusionTask::prepare_next(const FusionLevel& knobs, Out& out) noexcept {
+  if (out.tracking.state != TrackingState::kLost || search_.confirming())
+    scene_.cast_model(tracking_, camera_.X_WC, knobs.pixel_step, out);
+  scene_.keep_in_place(tracking_, camera_.X_WC, search_.lost(), out);
 }
 
 // Segmenting a marked object costs about as much as fine tracking: that frame tracks one level
@@ -253,14 +259,23 @@ void FusionTask::write_camera(Out& out) noexcept {
 // ---------------------------------------------------------------- what others read
 
 void FusionTask::write_outputs(const rt::Tick& tick, const In& in, Out& out) noexcept {
-  const FusionScene scene{
-      tick, periods_, scene_.map(), camera_, tracking_, objects_ ? &*objects_ : nullptr, stages_};
+  const FusionScene scene = scene_of(tick);
   if (objects_) objects_->write(camera_.seen, out);
   cost_map_.write(scene, scene_.ground(), out);
   patch_.write(scene, in.hand, out);
   if (surface_) write_surface(tick, out);
+}
+
+void FusionTask::end_step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+  if (consumed_ != nullptr) prepare_next(*consumed_, out);
+  const FusionScene scene = scene_of(tick);
   view_.write(scene, in.X_WV, body_.has_value(), out);
   if (mesh_) mesh_->write(scene, in.mesh_taken, out);
+}
+
+FusionScene FusionTask::scene_of(const rt::Tick& tick) noexcept {
+  return {tick,   periods_, scene_.map(), camera_, tracking_, objects_ ? &*objects_ : nullptr,
+          stages_};
 }
 
 // Some rows more every period, so that a job's cost has a bound; the slot is the same until it is

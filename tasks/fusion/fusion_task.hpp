@@ -13,8 +13,9 @@
 //            Latest<MeshDelta>     to console         where asked for: each mesh_period_frames-th
 //   budget   25 ms of the 33.3 ms period at level 0
 //
-// One frame: filter -> pyramid -> track -> integrate -> ray cast for the next track -> cost map;
-// then always: patch copy; sometimes: view. Only claimed frames are integrated (perception/icp).
+// One frame: filter -> pyramid -> track -> integrate -> cost map; then always: patch copy. With it
+// published, the rest: ray cast for the next track; sometimes: view, mesh. Only claimed
+// frames are integrated (perception/icp).
 // The first usable frame defines the map: it is integrated at the initial pose.
 //
 // A map of another day (load_map) is where the camera is looked for: lost until it is found there.
@@ -88,7 +89,15 @@ class FusionTask {
   [[nodiscard]] bool clearing() const noexcept { return scene_.clearing(); }
 
   // One cycle. No throw, lock, allocation or I/O.
-  [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+    const rt::Health health = begin_step(tick, in, out);
+    end_step(tick, in, out);
+    return health;
+  }
+  // The same in two parts: what other tasks wait for, and what only a person sees (view, mesh) or
+  // the next cycle needs. The second with the same arguments, before the next cycle.
+  [[nodiscard]] rt::Health begin_step(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  void end_step(const rt::Tick& tick, const In& in, Out& out) noexcept;
 
   // Threads that take part in step(); what comes out is the same for any number. Before the first
   // step.
@@ -141,6 +150,9 @@ class FusionTask {
   void page(Out& out) noexcept;
   void write_camera(Out& out) noexcept;
 
+  void prepare_next(const FusionLevel& knobs, Out& out) noexcept;
+
+  [[nodiscard]] FusionScene scene_of(const rt::Tick& tick) noexcept;
   void write_outputs(const rt::Tick& tick, const In& in, Out& out) noexcept;
   void write_surface(const rt::Tick& tick, Out& out) noexcept;
 
@@ -149,6 +161,7 @@ class FusionTask {
   FusionStages stages_;
   CameraState camera_;
   std::uint64_t periods_ = 0;
+  const FusionLevel* consumed_ = nullptr;  // of the image of this cycle; null: it consumed none
   PosePredictor prior_;
   CameraTracking tracking_;
   CameraSearch search_;

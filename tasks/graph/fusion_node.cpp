@@ -126,9 +126,17 @@ void FusionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
 }
 
 rt::Health FusionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
-  health_ = task_->step(tick, in_, out_);
+  health_ = task_->begin_step(tick, in_, out_);
   record.work = out_.work;
   return health_;
+}
+
+void FusionNode::end_step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  const std::uint64_t before = out_.work;
+  const rt::AllocationCount allocations;
+  task_->end_step(tick, in_, out_);
+  record.work += out_.work - before;
+  if (record.allocations != rt::kNotCounted) record.allocations += allocations.value();
 }
 
 void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
@@ -140,9 +148,6 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.patch_written) send(kOut<EdgeId::kPatch>, *out_.patch);
   if (out_.surface_written) rt::effect_ran(rt::Effect::kForceShading);
   if (out_.surface_written) send(kOut<EdgeId::kSurface>, *out_.surface);
-  if (out_.view_written) send(kOut<EdgeId::kView>, *out_.view);
-  if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);
-  if (out_.mesh_written) send(kOut<EdgeId::kMesh>, *out_.mesh);
   if (out_.cost_map_written) send(kOut<EdgeId::kCostMap>, *out_.cost_map);
   if (out_.camera_written) {
     CameraPose& camera = cells_.begin_write<EdgeId::kCameraPose>();
@@ -151,6 +156,11 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   }
   if (out_.objects_written) rt::effect_ran(rt::Effect::kObjects);
   if (out_.objects_written) send(kOut<EdgeId::kObjects>, *out_.objects);
+  // A force waits for the patch, nobody for the rest of the job.
+  end_step(tick, record);
+  if (out_.view_written) send(kOut<EdgeId::kView>, *out_.view);
+  if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);
+  if (out_.mesh_written) send(kOut<EdgeId::kMesh>, *out_.mesh);
   if (hash_) record.output_hash = h.digest();
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
   log_level(*cells_.logs, TaskId::kFusion, tick, logged_level_);

@@ -25,6 +25,7 @@ class FusionNode final : public rt::TaskBody {
  private:
   void take_edit(rt::Time now) noexcept;
   [[nodiscard]] bool apply(const SceneEdit& edit) noexcept;
+  void end_step(const rt::Tick& tick, rt::JobRecord& record) noexcept;
   std::unique_ptr<FusionTask> task_;
   OperatorCells& cells_;
   const OperatorRequests& requests_;
