@@ -29,7 +29,10 @@ class PicturePhase {
   // By how much more all later releases are to be postponed; mostly zero.
   [[nodiscard]] rt::Nanos look();
 
-  // A picture is decoded first, and what is early by chance is no reason to be earlier.
+  // A picture is decoded first: one that arrives in time but is not decoded in time waits for the
+  // next release, a period. Where that happens to more than a few, releases go kStep later, looked
+  // at again. What is early by chance is no reason to be earlier.
+  static constexpr rt::Nanos kStep = std::chrono::milliseconds{2};
   static constexpr rt::Nanos kLeast = std::chrono::milliseconds{4};
   static constexpr rt::Nanos kGood = std::chrono::milliseconds{7};
   static constexpr rt::Nanos kMost = std::chrono::milliseconds{12};
@@ -43,6 +46,7 @@ class PicturePhase {
   std::deque<Arrival> waiting_;  // arrived, taken by no job yet
   std::vector<rt::Nanos> waits_;
   std::size_t missed_ = 0;  // overwritten by the next one before a job came
+  std::size_t passed_ = 0;  // there before a job that did not take it, not yet decoded
 };
 
 }  // namespace teletact

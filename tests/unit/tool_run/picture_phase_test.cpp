@@ -18,13 +18,13 @@ using rt::Time;
 using teletact::PicturePhase;
 
 constexpr std::int64_t kMs = 1'000'000, kPeriod = 33'333'333;
-constexpr std::int64_t kDecode = 3 * kMs;
 
 // Picture k is exposed at k T and arrives `way` and jitter later, in order; the cell keeps the newest;
 // fusion looks at a phase that only what the product asks for moves.
 struct Pictures {
   rt::Random random;
   std::int64_t way = 110 * kMs, jitter = 6 * kMs, drift_ppm = 0;
+  std::int64_t decode = 3 * kMs, decode_more = 0;  // and up to so much more
   std::int64_t phase, postponed = 0;
   int asked = 0;
   PicturePhase keeper{Nanos{kPeriod}};
@@ -33,7 +33,7 @@ struct Pictures {
   std::vector<std::int64_t> waits;  // of the last look's time
   std::uint64_t missed = 0;
   struct Arrival {
-    std::int64_t at, exposure;
+    std::int64_t at, exposure, decoded;
   };
   std::vector<Arrival> on_the_way;
 
@@ -52,10 +52,11 @@ struct Pictures {
             static_cast<std::int64_t>(picture) * (kPeriod + kPeriod * drift_ppm / 1'000'000);
         if (exposure > start) break;
         last_arrival = std::max(last_arrival, exposure + way + random.integer(0, jitter));
-        on_the_way.push_back({last_arrival, exposure});
+        on_the_way.push_back(
+            {last_arrival, exposure, last_arrival + decode + random.integer(0, decode_more)});
       }
       std::size_t n = 0;
-      for (; n < on_the_way.size() && on_the_way[n].at + kDecode <= start; ++n) {
+      for (; n < on_the_way.size() && on_the_way[n].decoded <= start; ++n) {
         keeper.arrived(at(on_the_way[n].at), at(on_the_way[n].exposure));
         if (cell > newest_taken) ++missed;
         cell = on_the_way[n].exposure;
@@ -93,6 +94,23 @@ TEST(PicturePhase, PicturesSoonFindTheirJob) {
       EXPECT_LE(run.p95_ms(), 13.0 + static_cast<double>(jitter));
       EXPECT_LE(run.missed, 12U) << "of 600";
       EXPECT_LE(run.asked - settled, 1) << "and stay";
+    }
+  }
+}
+
+// Decoding takes longer than the shortest wait that is good: few pictures wait for a whole period.
+TEST(PicturePhase, SlowDecodingCostsNoPeriod) {
+  for (std::int64_t phase = 0; phase < kPeriod; phase += kPeriod / 20) {
+    for (const std::int64_t decode : {4, 6, 8}) {
+      SCOPED_TRACE(std::to_string(phase) + " ns, decoding " + std::to_string(decode) + " ms");
+      Pictures run(2000 + static_cast<std::uint64_t>(phase), phase);
+      run.decode = decode * kMs;
+      run.decode_more = 2 * kMs;
+      run.seconds(30);
+      run.seconds(20);
+      if (testing::Test::HasFatalFailure()) return;
+      EXPECT_LE(run.p95_ms(), static_cast<double>(decode) + 15) << "of a period of 33 ms";
+      EXPECT_LE(run.missed, 30U) << "of 600";
     }
   }
 }
