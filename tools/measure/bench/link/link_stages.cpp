@@ -1,7 +1,6 @@
 #include "tools/measure/bench/link/link_stages.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "tools/measure/bench/link/link_window.hpp"
 
@@ -9,23 +8,18 @@ namespace teletact {
 
 namespace {
 
-// An image is on its way for less; older jobs of capture are not looked at.
-constexpr std::int64_t kLongest_ns = 1'000'000'000;
+// What a frame has on the link beside depth and colour is less.
+constexpr std::uint64_t kHead = 400;
 
-// The job that coded the picture: behind its exposure, with so many bytes. Others have, as a rule,
-// another number.
+// The first job behind its exposure that coded something of its size.
 const rt::JobRecord* coded_by(std::span<const rt::JobRecord> jobs, const tasks::LinkSample& s) {
-  const rt::JobRecord* best = nullptr;
-  std::int64_t least = 0;
   auto job = std::partition_point(jobs.begin(), jobs.end(), [&](const rt::JobRecord& j) {
     return j.start_ns < s.made_remote_ns;
   });
   for (; job != jobs.end() && job->end_ns < rt::ns_of(s.stamp); ++job) {
-    if (job->work == 0 || job->start_ns > s.made_remote_ns + kLongest_ns) continue;
-    const std::int64_t off = std::abs(static_cast<std::int64_t>(job->work) - s.bytes);
-    if (best == nullptr || off < least) best = &*job, least = off;
+    if (job->work > 0 && job->work <= s.bytes && s.bytes - job->work < kHead) return &*job;
   }
-  return best;
+  return nullptr;
 }
 
 }  // namespace
