@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kMostWaiting = 64;
 // The shortest waits but for this share are by chance; more missed than this are not.
-constexpr std::size_t kByChance = PicturePhase::kPictures / 20;
+constexpr std::size_t kShortOf = 20, kByChance = PicturePhase::kPictures / kShortOf;
 // So many that were passed are no pattern.
 constexpr std::size_t kFew = 1;
 
@@ -38,14 +38,13 @@ void PicturePhase::taken(rt::Time start, rt::Time exposure) {
 }
 
 rt::Nanos PicturePhase::look() {
-  if (waits_.size() + passed_ < kPictures) return rt::Nanos{0};
+  if (passed_ < kAtOnce && waits_.size() + passed_ < kPictures) return rt::Nanos{0};
   const bool many_passed = std::exchange(passed_, 0) > kFew;
-  if (waits_.size() <= kByChance) {
-    waits_.clear();
+  if (waits_.empty()) {
     missed_ = 0;
     return kGood;
   }
-  const auto at = waits_.begin() + static_cast<std::ptrdiff_t>(kByChance);
+  const auto at = waits_.begin() + static_cast<std::ptrdiff_t>(waits_.size() / kShortOf);
   std::nth_element(waits_.begin(), at, waits_.end());
   const rt::Nanos shortest = *at;
   const bool many_missed = missed_ > kByChance;

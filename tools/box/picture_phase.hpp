@@ -30,9 +30,11 @@ class PicturePhase {
   [[nodiscard]] rt::Nanos look();
 
   // A picture is decoded first: one that arrives in time but is not decoded in time waits for the
-  // next release, a period. Where that happens to more than a few, releases go kStep later, looked
-  // at again. What is early by chance is no reason to be earlier.
-  static constexpr rt::Nanos kStep = std::chrono::milliseconds{2};
+  // next release, a period. Where that happens to more than a few, releases go kStep later; to
+  // kAtOnce, without waiting for the other pictures of a look. What is early by chance is no reason
+  // to be earlier.
+  static constexpr rt::Nanos kStep = std::chrono::milliseconds{3};
+  static constexpr std::size_t kAtOnce = 5;
   static constexpr rt::Nanos kLeast = std::chrono::milliseconds{4};
   static constexpr rt::Nanos kGood = std::chrono::milliseconds{7};
   static constexpr rt::Nanos kMost = std::chrono::milliseconds{12};
