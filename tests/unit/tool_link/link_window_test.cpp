@@ -134,50 +134,47 @@ TEST(LinkWindow, FromTheExposureToTheForceThatKnowsIt) {
   EXPECT_TRUE(felt_after_ms({}, fusion, 0).empty());
 }
 
-// Images of 33 ms; each takes 12 ms to capture, 7 there, 100 on the road, waits 9, is 15 in fusion,
-// and the hand has it 1 ms later. The robot's clock is 40 ms off.
+// Images of 33 ms; each takes 12 ms to capture, 7 there, 100 on the road, waits 9, and
+// the hand has it 16 ms after fusion began. The robot's clock is 40 ms off.
 TEST(LinkWindow, TheStagesOfAnImageAddUpToItsTime) {
   constexpr std::int64_t kOff = 40 * kMs;
   const auto at = [](std::int64_t ns) { return rt::Time{} + rt::Nanos{ns}; };
   std::vector<tasks::FusionSample> fusion;
   std::vector<tasks::HapticSample> haptic;
   std::vector<tasks::LinkSample> link;
-  std::vector<rt::JobRecord> capture, fused;
+  std::vector<rt::JobRecord> capture;
   for (std::uint32_t i = 0; i < 20; ++i) {
     std::int64_t t = (100 + 33 * static_cast<std::int64_t>(i)) * kMs;
     tasks::LinkSample l;
     l.picture = true;
     l.made_remote_ns = t;
     l.made = at(t + kOff);
-    l.bytes = 1040 + i;
+    l.bytes = 40 + 1000 * (i + 1);
     rt::JobRecord job;
-    job.work = 1000 + i;
+    job.work = 1000 * (i + 1);
     job.start_ns = t += 12 * kMs;
     job.end_ns = t += 7 * kMs;
     capture.push_back(job);
     l.stamp = at(t += 100 * kMs);
     link.push_back(l);
-    job.start_ns = t += 9 * kMs;
     tasks::FusionSample f;
-    f.stamp = at(t);
+    f.stamp = at(t += 9 * kMs);
     f.exposure = l.made;
     f.integrated = true;
     fusion.push_back(f);
-    job.end_ns = t += 15 * kMs;
-    fused.push_back(job);
     tasks::HapticSample h;
-    h.stamp = at(t + kMs);
+    h.stamp = at(t + 16 * kMs);
     h.patch_age_s = 0.016F;
     h.in_contact = true;
     haptic.push_back(h);
   }
-  const auto stages = felt_stages({haptic, fusion, link, capture, fused, kOff});
+  const auto stages = felt_stages({haptic, fusion, link, capture, kOff});
   ASSERT_EQ(stages.size(), 20U);
-  for (const Stages_ms& ms : stages) EXPECT_EQ(ms, (Stages_ms{12, 7, 100, 9, 15, 1}));
+  for (const Stages_ms& ms : stages) EXPECT_EQ(ms, (Stages_ms{12, 7, 100, 9, 16}));
   const auto whole = felt_after_ms(haptic, fusion, kOff);
   EXPECT_NEAR(whole.back(), 144, 1e-6);
-  fused.erase(fused.begin());
-  EXPECT_EQ(felt_stages({haptic, fusion, link, capture, fused, kOff}).size(), 19U)
+  capture.erase(capture.begin());
+  EXPECT_EQ(felt_stages({haptic, fusion, link, capture, kOff}).size(), 19U)
       << "a job that is not on record";
 }
 

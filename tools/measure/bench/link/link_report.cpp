@@ -64,7 +64,7 @@ void print_stages(std::ostream& out, const std::map<std::string, LinkRow>& rows)
     std::vector<double> ms;
     for (const Stages_ms& one : all) ms.push_back(one[i]);
     char line[80];
-    std::snprintf(line, sizeof line, "  %-16s %6.1f %6.1f\n", kStageNames[i], rt::quantile(ms, 0.5),
+    std::snprintf(line, sizeof line, "  %-20s %6.1f %6.1f\n", kStageNames[i], rt::quantile(ms, 0.5),
                   rt::quantile(ms, 0.95));
     out << line;
   }

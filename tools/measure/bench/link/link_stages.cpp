@@ -30,18 +30,14 @@ std::vector<Stages_ms> felt_stages(const StagesOf& of) {
     const auto picture = std::find_if(
         of.link.begin(), of.link.end(),
         [&](const tasks::LinkSample& s) { return s.picture && s.made == felt.image->exposure; });
-    const std::int64_t start_ns = rt::ns_of(felt.image->stamp);
-    const auto fused = std::find_if(of.fusion_jobs.begin(), of.fusion_jobs.end(),
-                                    [&](const rt::JobRecord& j) { return j.start_ns == start_ns; });
-    if (picture == of.link.end() || fused == of.fusion_jobs.end()) continue;
+    if (picture == of.link.end()) continue;
     const rt::JobRecord* coded = coded_by(of.capture_jobs, *picture);
     if (coded == nullptr) continue;
     const std::array<std::int64_t, kStages + 1> at{rt::ns_of(felt.image->exposure) - of.clock_ns,
                                                    coded->start_ns,
                                                    coded->end_ns,
                                                    rt::ns_of(picture->stamp),
-                                                   start_ns,
-                                                   fused->end_ns,
+                                                   rt::ns_of(felt.image->stamp),
                                                    rt::ns_of(felt.tick->stamp)};
     Stages_ms& ms = out.emplace_back();
     for (std::size_t i = 0; i < kStages; ++i) ms[i] = 1e-6 * static_cast<double>(at[i + 1] - at[i]);

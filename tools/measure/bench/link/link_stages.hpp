@@ -11,18 +11,19 @@
 
 namespace teletact {
 
-// In order of time. All stages of one image add up to its time to the force.
-enum class Stage : std::uint8_t { kToCapture, kCapture, kRoad, kToFusion, kFusion, kToHand };
-inline constexpr std::size_t kStages = 6;
+// In order of time. All stages of one image add up to its time to the force. Fusion publishes the
+// patch in the midst of its job: from its start to the force is one stage.
+enum class Stage : std::uint8_t { kToCapture, kCapture, kRoad, kToFusion, kFusionAndHand };
+inline constexpr std::size_t kStages = 5;
 inline constexpr std::array<const char*, kStages> kStageNames{
-    "to capture", "capture", "road, decoding", "to fusion", "fusion", "to the hand"};
+    "to capture", "capture", "road", "decoding, to fusion", "fusion, hand"};
 using Stages_ms = std::array<double, kStages>;
 
 struct StagesOf {
   std::span<const tasks::HapticSample> haptic;
   std::span<const tasks::FusionSample> fusion;
   std::span<const tasks::LinkSample> link;
-  std::span<const rt::JobRecord> capture_jobs, fusion_jobs;
+  std::span<const rt::JobRecord> capture_jobs;
   std::int64_t clock_ns = 0;  // what the link's measure of the robot's clock is off
 };
 // One for each image that was felt and whose jobs are all on record. Clocks: those of one machine.
