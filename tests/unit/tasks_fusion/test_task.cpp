@@ -224,6 +224,26 @@ TEST(FusionTask, WithoutOdometryAWallIsNotClaimedAndStandsStill) {
   EXPECT_LT((rig.out.camera.X_WC.translation() - along_wall(0).translation()).norm(), 0.002);
 }
 
+// A force waits for the patch; what only a person sees, and the next image's ray cast, come behind it.
+TEST(FusionTask, WhatOthersWaitForIsThereBeforeTheRest) {
+  const AnalyticScene room = tests::test_room();
+  Rig whole, parts;
+  parts.in_parts = true;
+  int views = 0;
+  for (int i = 0; i < 12; ++i) {
+    for (Rig* rig : {&whole, &parts}) rig->see(room, Rig::eye(i));
+    EXPECT_TRUE(parts.first.patch && parts.first.camera) << i;
+    EXPECT_EQ(parts.first.cost_map, whole.out.cost_map_written) << i;
+    EXPECT_FALSE(parts.first.view) << i;
+    views += parts.out.view_written ? 1 : 0;
+    EXPECT_EQ(parts.patch->exposure, parts.frame->exposure) << "of this image";
+    EXPECT_EQ(perception::patch_checksum(*parts.patch), perception::patch_checksum(*whole.patch));
+    EXPECT_EQ(parts.out.work, whole.out.work);
+    EXPECT_TRUE(parts.out.camera.X_WC.isApprox(whole.out.camera.X_WC, 0));
+  }
+  EXPECT_EQ(views, 4);
+}
+
 TEST(FusionTask, CostMapAndViewOfTheRoom) {
   const AnalyticScene room = tests::test_room();
   Rig rig;
