@@ -33,7 +33,8 @@ import { Pose, Vec3 } from './wire/types';
 
 const toastLife = 5000;    // ms
 const mostToasts = 4;
-const panelPeriod = 200;   // ms
+const panelPeriod = 200;   // ms between looks at the panels, at least
+const panelsLatest = 500;  // ms: then also without a frame
 const flushPeriod = 33;    // ms: at the rate of poses, also while nothing is drawn
 const mostTimes = 256;     // of the mesh, for its percentile
 
@@ -78,7 +79,7 @@ class Page {
     robot: this.robot.group, hand: this.hand.group }, () => this.themed());
   readonly showTab: (name: string) => void;
   private readonly meshTimes: number[] = [];
-  private meshCame = 0;
+  private panelsShown = 0;
   private lastPose: Pose | null = null;
 
   constructor() {
@@ -93,8 +94,16 @@ class Page {
     this.keys();
     watchLoss(this.held);
     this.held.onLost((why, holds) => say(this.acts.lostText(why, holds), 'refused'));
-    this.stage.beforeFrame(() => this.frame());
-    setInterval(() => this.showPanels(), panelPeriod);
+    this.stage.beforeFrame(() => this.drive.pollGamepad(navigator.getGamepads?.() ?? []));
+    this.stage.besideFrame(() => {
+      this.inset.drawNew();
+      this.showPanels(panelPeriod);
+    });
+    setInterval(() => this.showPanels(panelsLatest), panelPeriod);
+    for (const kind of ['pointerdown', 'pointerup', 'keydown'] as const) {
+      addEventListener(kind, () => this.stage.budget.acted(performance.now()), { capture: true });
+    }
+    document.documentElement.dataset.drawn = this.stage.software ? 'software' : 'chip';
     setInterval(() => this.store.flush(), flushPeriod);
     new Headset(this.stage, this.aimer, this.tools, {
       said: text => say(text, 'refused'),
@@ -128,16 +137,13 @@ class Page {
 
   private hear(): void {
     const { store } = this;
-    store.on('mesh', delta => {
-      this.meshCame ||= performance.now();
+    store.on('mesh', (delta, head) => {
       this.mesh.take(delta);
-    });
-    this.mesh.onApplied = sequence => {
-      window.teletact?.applied?.(sequence);
-      this.meshTimes.push(performance.now() - this.meshCame);
+      this.stage.touch();
+      this.meshTimes.push(1000 * store.behind(head));
       if (this.meshTimes.length > mostTimes) this.meshTimes.shift();
-      this.meshCame = 0;
-    };
+    });
+    this.mesh.onApplied = sequence => window.teletact?.applied?.(sequence);
     store.on('picture', picture => {
       this.picture.take(picture, this.stage.canvas.height);
       this.robot.lens(picture);
@@ -209,12 +215,10 @@ class Page {
     this.stage.touch();
   }
 
-  private frame(): void {
-    if (this.mesh.update()) this.stage.touch();
-    this.drive.pollGamepad(navigator.getGamepads?.() ?? []);
-  }
-
-  private showPanels(): void {
+  private showPanels(notBefore: number): void {
+    const now = performance.now();
+    if (now - this.panelsShown < notBefore) return;
+    this.panelsShown = now;
     this.inset.tick();
     this.top.show();
     this.rail.show();

@@ -3,6 +3,7 @@
 import './quantiles';
 import './readers';
 import './held';
+import './drawing';
 import './acts';
 import './sessions';
 import './headset';

@@ -20,6 +20,7 @@ export class Inset {
   private readonly age = h('span');
   private readonly word = h('strong');
   private bitmap: ImageBitmap | null = null;
+  private isNew = false;  // and not drawn yet
   private overlay: HTMLCanvasElement | null = null;
   private cross: [number, number] = [0.5, 0.5];
 
@@ -39,8 +40,10 @@ export class Inset {
   // Not kept beyond the next one: the layer in the scene closes it.
   show(bitmap: ImageBitmap): void {
     this.bitmap = bitmap;
-    this.draw();
+    this.isNew = true;
   }
+
+  drawNew(): void { if (this.isNew) this.draw(); }
 
   propose(): void {
     const proposal = this.selecting.proposal;
@@ -102,6 +105,7 @@ export class Inset {
   }
 
   private draw(): void {
+    this.isNew = false;
     const context = this.canvas.getContext('2d')!;
     if (this.bitmap && this.bitmap.width > 0) {
       if (this.canvas.width !== this.bitmap.width) {

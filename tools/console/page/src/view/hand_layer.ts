@@ -62,11 +62,7 @@ export class HandLayer {
       + `${Math.hypot(...pose.force).toFixed(1)} N` : drop > 0.01 ? `${drop.toFixed(2)} m up` : '';
     if (text !== this.said) {
       this.said = text;
-      if (this.height) {
-        this.group.remove(this.height);
-        this.height.material.map?.dispose();
-        this.height.material.dispose();
-      }
+      if (this.height) this.group.remove(this.height);
       this.height = text ? label(text) : null;
       if (this.height) this.group.add(this.height);
     }

@@ -13,14 +13,37 @@ export function quaternion(wxyz: number[]): THREE.Quaternion {
   return new THREE.Quaternion(wxyz[1], wxyz[2], wxyz[3], wxyz[0]).normalize();
 }
 
+// Materials that come and go with what is drawn are kept, one of each look: with the last one of
+// its kind goes its shader, and the next one waits for a new one to be compiled.
+const kept = new Map<string, THREE.Material>();
+
+function keep<M extends THREE.Material>(name: string, make: () => M): M {
+  let material = kept.get(name) as M | undefined;
+  if (!material) {
+    kept.set(name, material = make());
+    material.userData.kept = true;
+  }
+  return material;
+}
+
+export function flat(colour: number): THREE.MeshBasicMaterial {
+  return keep(`flat ${colour}`, () => new THREE.MeshBasicMaterial({ color: colour }));
+}
+
+export function glass(colour: number, opacity: number): THREE.MeshBasicMaterial {
+  return keep(`glass ${colour} ${opacity}`, () => new THREE.MeshBasicMaterial({ color: colour,
+    transparent: true, opacity, depthWrite: false }));
+}
+
 export function dispose(root: THREE.Object3D): void {
   root.traverse(node => {
     const drawn = node as Partial<THREE.Mesh>;
     drawn.geometry?.dispose();
     const materials = Array.isArray(drawn.material) ? drawn.material : [drawn.material];
     for (const material of materials) {
-      (material as THREE.SpriteMaterial | undefined)?.map?.dispose();
-      material?.dispose();
+      if (!material || material.userData.kept) continue;
+      (material as THREE.SpriteMaterial).map?.dispose();
+      material.dispose();
     }
   });
 }
@@ -34,7 +57,7 @@ export function clear(group: THREE.Group): void {
 
 // Lines are one pixel wide in WebGL; a tube is seen from afar. At most 512 segments.
 export function tube(points: Vec3[], radius: number, colour: number): THREE.Object3D {
-  const material = new THREE.MeshBasicMaterial({ color: colour });
+  const material = flat(colour);
   const unique = points.filter((p, i) => i === 0 || distance(p, points[i - 1]!) > 1e-4);
   if (unique.length < 2) {
     const dot = new THREE.Mesh(new THREE.SphereGeometry(2 * radius, 12, 8), material);
@@ -53,15 +76,33 @@ export function tube(points: Vec3[], radius: number, colour: number): THREE.Obje
 
 export function outline(geometry: THREE.BufferGeometry, colour: number): THREE.LineSegments {
   return new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 20),
-    new THREE.LineBasicMaterial({ color: colour }));
+    keep(`line ${colour}`, () => new THREE.LineBasicMaterial({ color: colour })));
 }
 
-export function glass(colour: number, opacity: number): THREE.MeshBasicMaterial {
-  return new THREE.MeshBasicMaterial({ color: colour, transparent: true, opacity,
-    depthWrite: false });
+// The newest labels keep their pictures: one that is shown again, or moves, is not drawn anew.
+const labels = new Map<string, THREE.SpriteMaterial>();
+const mostLabels = 64;
+
+function labelMaterial(text: string, colour: string): THREE.SpriteMaterial {
+  const name = `${colour} ${text}`;
+  const known = labels.get(name);
+  labels.delete(name);
+  const material = known ?? new THREE.SpriteMaterial({
+    map: new THREE.CanvasTexture(labelPicture(text, colour)), depthTest: false,
+    sizeAttenuation: false,
+  });
+  material.userData.kept = true;
+  labels.set(name, material);
+  if (labels.size > mostLabels) {
+    const [oldest, old] = labels.entries().next().value!;
+    old.map!.dispose();
+    old.dispose();  // one that is shown yet gets its picture again
+    labels.delete(oldest);
+  }
+  return material;
 }
 
-export function label(text: string, colour = '#ffffff'): THREE.Sprite {
+function labelPicture(text: string, colour: string): HTMLCanvasElement {
   const canvas = document.createElement('canvas');
   const context = canvas.getContext('2d')!;
   const font = '500 26px system-ui, sans-serif';
@@ -76,9 +117,12 @@ export function label(text: string, colour = '#ffffff'): THREE.Sprite {
   context.fillStyle = colour;
   context.textBaseline = 'middle';
   context.fillText(text, 10, 21);
-  const sprite = new THREE.Sprite(new THREE.SpriteMaterial({
-    map: new THREE.CanvasTexture(canvas), depthTest: false, sizeAttenuation: false,
-  }));
+  return canvas;
+}
+
+export function label(text: string, colour = '#ffffff'): THREE.Sprite {
+  const sprite = new THREE.Sprite(labelMaterial(text, colour));
+  const canvas = sprite.material.map!.image as HTMLCanvasElement;
   const height = 0.036;
   sprite.scale.set(height * canvas.width / canvas.height, height, 1);
   sprite.renderOrder = 10;

@@ -3,6 +3,7 @@
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Pose, Vec3 } from '../wire/types';
+import { FrameBudget } from './budget';
 import { quaternion } from './shapes';
 
 export type Look = 'orbit' | 'follow' | 'first' | 'top';
@@ -12,9 +13,7 @@ THREE.ColorManagement.enabled = false;  // colours of the sensor are shown as th
 
 const softwareNames = /swiftshader|llvmpipe|software|basic render/i;
 const softwareRatio = 0.5;   // pixels drawn for a pixel shown, each way, without a graphics chip
-const softwareGap = 60;      // ms between frames at least, so that the page itself stays quick
-const rest = 2;              // of what a frame cost, before the next one without a graphics chip
-const slowFrame = 120;       // ms: beyond, fewer pixels are drawn
+const slowFrame = 100;       // ms that a frame costs: beyond, fewer pixels are drawn
 const leastRatio = 0.4;
 const topHeight = 6;     // m
 
@@ -43,19 +42,18 @@ export class Stage {
   frames = 0;
   readonly software: boolean;
   readonly rendererName: string;  // asked once: each question waits for the drawing process
+  readonly budget: FrameBudget;
   private dirty = true;
-  private lastFrame = 0;
-  private lastCall = 0;
-  private cost = 0;  // ms that the call after a drawn frame is late, smoothed
-  private drawn = false;
   private readonly grid: THREE.GridHelper;
   private readonly before: (() => void)[] = [];
+  private readonly beside: (() => void)[] = [];
 
   constructor(readonly canvas: HTMLCanvasElement) {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !drawsInSoftware() });
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
     this.rendererName = nameOf(this.renderer.getContext());
     this.software = softwareNames.test(this.rendererName);
+    this.budget = new FrameBudget(this.software);
     this.renderer.setPixelRatio(this.software ? softwareRatio : Math.min(devicePixelRatio, 2));
     this.world.rotation.x = -Math.PI / 2;
     this.grid = new THREE.GridHelper(12, 24);
@@ -67,6 +65,8 @@ export class Stage {
     this.controls.enableDamping = false;
     this.controls.maxPolarAngle = 0.495 * Math.PI;
     this.controls.addEventListener('change', () => this.touch());
+    this.controls.addEventListener('start', () => { this.budget.turning = true; });
+    this.controls.addEventListener('end', () => { this.budget.turning = false; });
     this.controls.listenToKeyEvents = () => {};  // keys belong to the acts
     this.setView([-1.6, -2.6, 2.2], [1.2, 0, 0.2]);
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
@@ -75,7 +75,11 @@ export class Stage {
 
   // Something changed: draw again.
   touch(): void { this.dirty = true; }
+  // In each call of the browser, drawn or not.
   beforeFrame(hook: () => void): void { this.before.push(hook); }
+  // Beside each frame that is drawn: what else changes on the page then is shown by the same
+  // picture of the browser's, and each such picture costs as much as a frame without a chip.
+  besideFrame(hook: () => void): void { this.beside.push(hook); }
 
   colours(background: string, lines: string): void {
     this.scene.background = new THREE.Color(background);
@@ -182,26 +186,20 @@ export class Stage {
   }
 
   private frame(time: number): void {
-    if (this.drawn) this.cost += 0.2 * (time - this.lastCall - this.cost);
-    this.lastCall = time;
-    this.drawn = false;
+    const { budget } = this;
+    const { isPresenting } = this.renderer.xr;
+    budget.called(time);
     for (const hook of this.before) hook();
-    if (!this.dirty && !this.renderer.xr.isPresenting) return;
+    if (!isPresenting && (!this.dirty || !budget.due(time))) return;
     this.dirty = false;
-    const gap = time - this.lastFrame;
-    const least = Math.max(softwareGap, rest * this.cost);
-    if (this.software && gap < least && !this.renderer.xr.isPresenting) {
-      this.dirty = true;
-      return;
-    }
-    this.lastFrame = time;
+    const gap = budget.drawn(time);
     if (gap > 0 && gap < 1000) this.fps += 0.1 * (1000 / gap - this.fps);
     const ratio = this.renderer.getPixelRatio();
-    if (this.fps < 1000 / slowFrame && this.frames > 30 && ratio > leastRatio) {
+    if (budget.cost > slowFrame && this.frames > 30 && ratio > leastRatio) {
       this.renderer.setPixelRatio(Math.max(leastRatio, 0.8 * ratio));
     }
     ++this.frames;
-    this.drawn = true;
     this.renderer.render(this.scene, this.camera);
+    for (const hook of this.beside) hook();
   }
 }

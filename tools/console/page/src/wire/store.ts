@@ -97,6 +97,11 @@ export class Store {
     return Math.max(0, performance.now() / 1000 - this.ahead.least() - head.data);
   }
 
+  // Seconds since a view was made, beyond the least delay seen.
+  behind(head: Head): number {
+    return performance.now() / 1000 - this.ahead.least() - head.time;
+  }
+
   may(act: string): boolean {
     return this.slow.role !== 'viewer' && (!this.slow.can || this.slow.can.includes(act));
   }
