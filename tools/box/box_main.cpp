@@ -104,6 +104,13 @@ void save_whole(const std::string& folder, Side& side, BoxRunner& runner) {
                         "the report lacks the end of the run");
 }
 
+// What comes from a page between two ticks of the console.
+void attend_page(BoxRunner& runner, OperatorSide& side) {
+  if (runner.options.page == nullptr) return;
+  runner.rest = [&](rt::Nanos most) { side.rest(most, [&runner] { return runner.now(); }); };
+}
+void attend_page(BoxRunner&, RobotSide&) {}
+
 template <class Side>
 int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
             const BoxPlan& plan) {
@@ -145,6 +152,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
     if (const auto line = inputs->problem(); !line.empty())
       runner.refused.tell(runner.name(), line);
   };
+  attend_page(runner, side);
   runner.save = [&] { return side.save(plan.folder); };
   runner.make_safe = [&] { side.make_safe(); };
   runner.mode = [&] { return side.console.seen().mode; };

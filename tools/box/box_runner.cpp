@@ -173,7 +173,10 @@ void BoxRunner::watch(Watch& w, rt::RunStore& writer, const std::function<void()
       make_safe();
     }
     save_now_and_then(w, writer, host);
-    ::usleep(kPoll / 1000);
+    if (rest)
+      rest(rt::Nanos{kPoll});
+    else
+      ::usleep(kPoll / 1000);
   }
 }
 

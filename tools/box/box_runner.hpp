@@ -37,6 +37,7 @@ struct BoxRunner {
   tasks::OperatorRequests* requests = nullptr;
   drivers::LinkTransport* link = nullptr;
   std::function<void(rt::Time)> tick{};    // console
+  std::function<void(rt::Nanos)> rest{};   // between two looks, so long at most; empty: sleeps
   std::function<bool()> save{};            // partial half, so that a kill loses little
   std::function<void()> make_safe{};       // outputs to zero, from any thread
   std::function<tasks::ModeMsg()> mode{};  // newest that the console has seen

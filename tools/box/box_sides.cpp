@@ -84,6 +84,11 @@ void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
   }
 }
 
+void OperatorSide::rest(rt::Nanos most, const std::function<rt::Time()>& now) {
+  if (options_.page->await_acts(most)) options_.page->take_acts(now());
+  console.glance(now());
+}
+
 void OperatorSide::finish(rt::NonRealtime& nrt, const drivers::LinkTransport& link) {
   if (options_.page != nullptr) options_.page->close();
   half_.link_round_trip_ns = link.round_trip_ns();

@@ -2,6 +2,7 @@
 // connection they are.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -27,6 +28,9 @@ class OperatorSide {
   [[nodiscard]] static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
                                                                                const BoxPlan& plan);
   void tick(rt::Time t, drivers::LinkTransport& link);
+  // With a page, between two ticks: sleeps so long at most. What the page asks for, and the mesh
+  // that it shows, do not wait for the next tick.
+  void rest(rt::Nanos most, const std::function<rt::Time()>& now);
   // From now on fusion, one of `placed`, is released when pictures have typically arrived.
   void keep_phase(std::vector<rt::PlacedTask>& placed);
   void make_safe() { box.device().make_safe(); }

@@ -97,9 +97,13 @@ void Desk::do_acts(rt::Time now) {
   }
 }
 
-void Desk::tick(rt::Time now) {
+void Desk::take_acts(rt::Time now) {
   do_acts(now);
   acts_.keep(now, [this](auto s, auto id, const auto& a) { answer(s, id, a); });
+}
+
+void Desk::tick(rt::Time now) {
+  take_acts(now);
   for (const ShownProposal& p : acts_.objects().take_shown()) show_.show_proposal(p, now);
   events_.watch(console_.seen(), now);
   DeskFacts facts;

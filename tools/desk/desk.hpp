@@ -5,6 +5,8 @@
 //                            acts that wait become inputs of the tasks and are answered, holds are
 //                            kept, and, with somebody there to look, views are made. With nobody
 //                            there none is made.
+//   await_acts(),            by the same thread between two ticks on the real clock: acts do not
+//   take_acts()              wait for the next one
 //
 // What a page asks for is an input like a device's sample: a recording holds what the tasks latched
 // of it, so a run that was driven from a page replays bit for bit.
@@ -53,6 +55,9 @@ class Desk {
   void stop() noexcept { acts_.stop(); }
   void role(const RoleEvent& event);
   void tick(rt::Time now);
+  // Sleeps until acts wait, so long at most. False: none does.
+  [[nodiscard]] bool await_acts(rt::Nanos most) { return inbox_.await(most); }
+  void take_acts(rt::Time now);
 
   [[nodiscard]] const DeskActs& acts() const noexcept { return acts_; }
   [[nodiscard]] const DeskEvents& events() const noexcept { return events_; }

@@ -1,10 +1,13 @@
 // What has come from the page and waits for the console's thread. The server's thread puts in, the
-// console's takes out; each waits at most for the other's few pointers.
+// console's takes out, or sleeps until there is something; each waits at most for the other's few
+// pointers.
 //
 // Bounded: kMost acts; of `drive` and `hand` only the newest is kept, so however many come they
 // take no room and delay nothing. A stop does not come through here.
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <mutex>
@@ -29,14 +32,17 @@ class DeskInbox {
 
   // False: full.
   [[nodiscard]] bool put(DeskItem item) {
-    const std::lock_guard lock(mutex_);
-    if (item.kind == DeskItem::Kind::kAct) {
-      if (item.intent.act == Act::kDrive) return keep(drive_, std::move(item));
-      if (item.intent.act == Act::kHand) return keep(hand_, std::move(item));
-      if (waiting_.size() >= kMost) return false;
+    {
+      const std::lock_guard lock(mutex_);
+      if (!keep(std::move(item))) return false;
     }
-    waiting_.push_back(std::move(item));
+    there_.notify_one();
     return true;
+  }
+  // Until something waits, so long at most. False: nothing does.
+  [[nodiscard]] bool await(std::chrono::nanoseconds most) {
+    std::unique_lock lock(mutex_);
+    return there_.wait_for(lock, most, [this] { return !waiting_.empty() || drive_ || hand_; });
   }
   struct Taken {
     std::deque<DeskItem> acts;  // in order
@@ -52,11 +58,20 @@ class DeskInbox {
   }
 
  private:
-  static bool keep(std::optional<DeskItem>& newest, DeskItem item) {
-    newest = std::move(item);
+  [[nodiscard]] bool keep(DeskItem item) {
+    const bool act = item.kind == DeskItem::Kind::kAct;
+    if (act && item.intent.act == Act::kDrive) {
+      drive_ = std::move(item);
+    } else if (act && item.intent.act == Act::kHand) {
+      hand_ = std::move(item);
+    } else {
+      if (act && waiting_.size() >= kMost) return false;
+      waiting_.push_back(std::move(item));
+    }
     return true;
   }
   std::mutex mutex_;
+  std::condition_variable there_;
   std::deque<DeskItem> waiting_;
   std::optional<DeskItem> drive_, hand_;
 };

@@ -90,6 +90,15 @@ void PageDesk::tick(rt::Time now) {
   if (server_ && server_->viewers() > 0) door_.remove();  // it has led there
 }
 
+bool PageDesk::await_acts(rt::Nanos most) {
+  return open_.load() ? desk_->await_acts(most) : PageHook::await_acts(most);
+}
+
+void PageDesk::take_acts(rt::Time now) {
+  now_s_.store(rt::seconds(now - epoch_));
+  desk_->take_acts(now);
+}
+
 // Figures of what happened with somebody there.
 void PageDesk::write_figures() const {
   const DeskFigures& f = desk_->figures();

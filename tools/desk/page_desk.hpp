@@ -36,6 +36,8 @@ class PageDesk final : public PageHook {
   void job(const rt::JobRecord& record) override { tasks_.add(record); }
   void sentinel(const rt::SentinelRecord& record) override { tasks_.add(record); }
   void tick(rt::Time now) override;
+  [[nodiscard]] bool await_acts(rt::Nanos most) override;
+  void take_acts(rt::Time now) override;
   void close() override;
   [[nodiscard]] std::int64_t cpu_ns() const override {
     return server_ ? server_->counts().cpu_ns : 0;

@@ -313,7 +313,7 @@ void OperatorConsole::tick(rt::Time now) {
   drain(now);
   link_.drain(box_.graph().cells().link_samples);
   fold_samples();
-  take_mesh(now);
+  take_mesh(now, Judges::kYes);
   edit(now);
   if (log_) {
     log_->drain();

@@ -83,6 +83,8 @@ class OperatorConsole {
  public:
   OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch);
   void tick(rt::Time now);
+  // Between two ticks: a piece of the mesh does not wait for the next one.
+  void glance(rt::Time now);
   // From now on the tasks' log lines go to this file, and to `also`; `refused`: once, when the disk
   // does not take a line. By an ordinary thread, with every tick.
   void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {},
@@ -121,7 +123,8 @@ class OperatorConsole {
   [[nodiscard]] std::string stands() const;
   void engage(rt::Time now);
   void clear(rt::Time now);
-  void take_mesh(rt::Time now);
+  enum class Judges : std::uint8_t { kNo, kYes };
+  void take_mesh(rt::Time now, Judges judges);
   template <class View>
   void judge(const View& view, tasks::EdgeId edge, rt::Time now);
   void edit(rt::Time now);

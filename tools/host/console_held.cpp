@@ -126,9 +126,14 @@ std::string OperatorConsole::status_line(rt::Time now) const {
   return line;
 }
 
+void OperatorConsole::glance(rt::Time now) {
+  box_.graph().requests().console_ns.store(rt::ns_of(now));
+  take_mesh(now, Judges::kNo);
+}
+
 // No mesh is sent while nothing changes: that fusion is alive is known from its samples. The age of
 // a mesh is its age when it arrives.
-void OperatorConsole::take_mesh(rt::Time now) {
+void OperatorConsole::take_mesh(rt::Time now, Judges judges) {
   auto& cells = box_.graph().cells();
   if (!cells.has<tasks::EdgeId::kMesh>()) return;
   auto& taken = box_.graph().requests().mesh_taken;
@@ -142,6 +147,7 @@ void OperatorConsole::take_mesh(rt::Time now) {
   }
   if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
   for (auto& w : watches_) {
+    if (judges == Judges::kNo) break;
     if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
       seen_.beyond.push_back("mesh");
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <thread>
 
 #include "drivers/haptic/haptic_device.hpp"
 #include "rt/audit/run_log.hpp"
@@ -40,6 +41,13 @@ class PageHook {
   virtual void sentinel(const rt::SentinelRecord& /*record*/) {}
   // After each tick of the console.
   virtual void tick(rt::Time now) = 0;
+  // On the real clock, between two ticks: sleeps until the page asks for something that becomes an
+  // input of a task, so long at most. True: it does, and take_acts() hands it over at once.
+  [[nodiscard]] virtual bool await_acts(rt::Nanos most) {
+    std::this_thread::sleep_for(most);
+    return false;
+  }
+  virtual void take_acts(rt::Time /*now*/) {}
   // Before the box goes.
   virtual void close() = 0;
   // CPU that the page has cost this process so far, beside the console's own thread.
