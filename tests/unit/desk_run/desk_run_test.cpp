@@ -115,6 +115,25 @@ TEST(DeskRun, ADrawnObstacleIsKeptClearOfAndAGoalByClickIsReachedWithoutItAndRep
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
 }
 
+// On the real clock the desk is asked between two ticks of the console.
+TEST(DeskRun, AnActIsTakenBetweenTwoTicks) {
+  auto s = scene();
+  Person p;
+  bool waited = false, at_once = false, waits_still = true;
+  p.act = [&](double t) {
+    if (!p.once("hold", t, 1.0)) return;
+    const auto hold = p.say({{"act", "hold"}});
+    waited = p.desk->await_acts(rt::Nanos{0});
+    p.desk->take_acts(p.now());
+    at_once = p.answers.contains(hold) && p.answers[hold].ok;
+    waits_still = p.desk->await_acts(rt::Nanos{0});
+  };
+  static_cast<void>(run(*s, 1.5, p));
+  EXPECT_TRUE(waited);
+  EXPECT_TRUE(at_once);
+  EXPECT_FALSE(waits_still);
+}
+
 // Nearest that the true base came to a place from an instant on.
 double nearest_base(const VirtualRun& r, double from, double x, double y) {
   double least = 1e9;

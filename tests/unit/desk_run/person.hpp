@@ -117,6 +117,7 @@ class Person : public teletact::PageHook {
     return t >= at && done_.insert(what).second;
   }
   const teletact::OperatorView& seen() const { return console_->seen(); }
+  rt::Time now() const { return rt::time_from_ns(now_ns_); }
 
   std::function<void(double)> act;
   json holds;                  // null: no token is sent
