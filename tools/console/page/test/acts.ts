@@ -60,6 +60,8 @@ test('a keep-out on the way: the robot goes round it', async () => {
   await desk.tool('Go to');
   await desk.click([2.2, 0.25, 0]);
   await until('the goal', () => twin.count('go_to') === 1);
+  await desk.page.locator('.row:has-text("Keep-out 1")').waitFor();
+  await desk.page.waitForTimeout(300);  // drawn as well
   await desk.shot('keep_out');
   let nearest = Infinity;
   await until('the arrival', async () => {
