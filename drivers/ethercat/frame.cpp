@@ -14,7 +14,6 @@ FrameFault read_datagram(std::span<const std::uint8_t> frame, std::size_t at, st
   const unsigned word = load_u16(frame, at + 6);
   const std::size_t length = word & kLengthMask;
   if (end - at < kDatagramOverhead + length) return FrameFault::kCutDatagram;
-  if (frame[at] > kLastCommand) return FrameFault::kUnknownCommand;
   out.command = static_cast<Command>(frame[at]);
   out.index = frame[at + 1];
   out.address = load_u32(frame, at + 2);
@@ -70,7 +69,7 @@ void parse_frame(std::span<const std::uint8_t> frame, FrameView& out) noexcept {
   out.bytes = 0;
   out.fault = read_heads(frame, out);
   std::size_t at = kEthernetHead + kEtherCatHead;
-  bool more = true;
+  bool more = true, unknown = false;
   while (out.good() && more) {
     if (at == out.bytes) {
       out.fault = FrameFault::kMoreTooMany;
@@ -81,11 +80,13 @@ void parse_frame(std::span<const std::uint8_t> frame, FrameView& out) noexcept {
       out.fault = read_datagram(frame, at, out.bytes, d);
       if (!out.good()) return;
       ++out.count;
+      unknown = unknown || static_cast<std::uint8_t>(d.command) > kLastCommand;
       more = d.more;
       at += kDatagramOverhead + d.data.size();
     }
   }
   if (out.good() && at != out.bytes) out.fault = FrameFault::kMoreMissing;
+  if (out.good() && unknown) out.fault = FrameFault::kUnknownCommand;
 }
 
 FrameWriter::FrameWriter(const MacAddress& source) noexcept {

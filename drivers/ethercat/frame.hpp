@@ -112,7 +112,7 @@ enum class FrameFault : std::uint8_t {
   kCutDatagram,    // a datagram reaches behind the EtherCAT length
   kMoreMissing,    // bytes left behind a datagram that says it is the last
   kMoreTooMany,    // a datagram says that another follows, and none does
-  kUnknownCommand
+  kUnknownCommand  // reserved: slaves take it for NOP; every datagram was read all the same
 };
 [[nodiscard]] const char* to_text(FrameFault) noexcept;
 
@@ -120,12 +120,14 @@ struct FrameView {
   FrameFault fault = FrameFault::kTooShort;
   MacAddress source{};
   std::size_t bytes = 0;  // behind the last datagram; the rest is padding
-  std::size_t count = 0;  // datagrams that were read; with a fault: those before it
+  // Datagrams that were read; with a fault: those before it. Of kUnknownCommand: all of them.
+  std::size_t count = 0;
   std::array<DatagramView, kMostDatagrams> datagram{};
   [[nodiscard]] bool good() const noexcept { return fault == FrameFault::kNone; }
 };
 
-// Reads any bytes. The views point into `frame`.
+// Reads any bytes. The views point into `frame`. A fault of the frame's structure is named before
+// an unknown command: behind the first nothing can be read, behind the second all.
 void parse_frame(std::span<const std::uint8_t> frame, FrameView& out) noexcept;
 
 // Writes a frame, datagram by datagram, into its own memory.

@@ -64,7 +64,8 @@ enum class BusFault : std::uint8_t {
   kLinkDown,
   kFramesLost,
   kSlavesMissing,  // `slave`: the first that is gone, counted from 0
-  kSlaveState,     // `slave` is not in OP; `al` says why
+  kSlaveState,  // `slave` is not in OP; `al` says why. More slaves than were found: `slave` is how
+                // many were, the place of the first too many if it stands last; `al` is none
   kWorkingCounter  // all are there and in OP, and the counter differs
 };
 [[nodiscard]] const char* to_text(BusFault) noexcept;
@@ -73,6 +74,7 @@ struct BusHealth {
   BusFault fault = BusFault::kNone;
   int slave = -1;
   AlStatus al;
+  int too_many = 0;  // kSlaveState: slaves that answer and were not found
 };
 
 class Master {

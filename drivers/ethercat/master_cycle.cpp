@@ -212,13 +212,18 @@ BusHealth Master::health() const noexcept {
     return h;
   }
   // Who it is, is known when its turn has come; that somebody is, at once.
-  if (all_states_ != static_cast<std::uint8_t>(AlState::kOp)) {
+  if (all_states_ != static_cast<std::uint8_t>(AlState::kOp) || present_ > slaves) {
     h.fault = BusFault::kSlaveState;
     for (int i = 0; i < slaves && h.slave < 0; ++i) {
       const AlStatus& al = al_[static_cast<std::size_t>(i)];
       if (al.is() == AlState::kOp && !al.error()) continue;
       h.slave = i;
       h.al = al;
+    }
+    // None of those that were found: it has no station address, so its turn never comes.
+    if (h.slave < 0 && present_ > slaves) {
+      h.slave = slaves;
+      h.too_many = present_ - slaves;
     }
     return h;
   }

@@ -143,6 +143,12 @@ std::string Master::describe(rt::NonRealtime&, const BusHealth& h) const {
     case BusFault::kSlavesMissing:
       return of_slave() + " and those behind it are gone: cable, power or emergency stop";
     case BusFault::kSlaveState:
+      if (h.too_many > 0) {
+        std::snprintf(text.data(), text.size(),
+                      "%d slaves answer and %zu were found: %d too many, plugged in since",
+                      h.too_many + h.slave, slaves_.size(), h.too_many);
+        return text.data();
+      }
       std::snprintf(text.data(), text.size(), " is in %s%s, code 0x%04X: %s", state_text(h.al.is()),
                     h.al.error() ? " + ERROR" : "", h.al.code, code_text(h.al.code));
       return of_slave() + text.data();

@@ -31,13 +31,16 @@ inline constexpr std::uint16_t kDlStatus = 0x0110;       // 2
 inline constexpr std::uint16_t kAlControl = 0x0120;     // 2, bits 0-3 state, 4 acknowledge
 inline constexpr std::uint16_t kAlStatus = 0x0130;      // 2, bits 0-3 state, 4 error
 inline constexpr std::uint16_t kAlStatusCode = 0x0134;  // 2
-inline constexpr std::uint16_t kPdiControl = 0x0140;    // 1
+inline constexpr std::uint16_t kPdiControl = 0x0140;    // 1, then 1 of the controller's own
+inline constexpr std::uint16_t kPdiConfig = 0x0150;     // 2, then 2 more of it
 // Events and error counters
 inline constexpr std::uint16_t kEventMask = 0x0200;     // 2
 inline constexpr std::uint16_t kEventRequest = 0x0210;  // 2
-inline constexpr std::uint16_t kRxErrors = 0x0300;      // 8, two bytes a port
-inline constexpr std::uint16_t kUnitErrors = 0x030C;    // 1, frames the processing unit refused
-inline constexpr std::uint16_t kLostLinks = 0x0310;     // 4, a byte a port
+inline constexpr std::uint16_t kRxErrors = 0x0300;    // 8, a port: frames refused, symbols refused
+inline constexpr std::uint16_t kForwarded = 0x0308;   // 4, a byte a port: refused before
+inline constexpr std::uint16_t kUnitErrors = 0x030C;  // 1, frames the processing unit refused
+inline constexpr std::uint16_t kPdiErrors = 0x030D;   // 1
+inline constexpr std::uint16_t kLostLinks = 0x0310;   // 4, a byte a port
 // Watchdogs
 inline constexpr std::uint16_t kWatchdogDivider = 0x0400;  // 2, (n + 2) * 40 ns
 inline constexpr std::uint16_t kPdiWatchdog = 0x0410;      // 2, in units of the divider

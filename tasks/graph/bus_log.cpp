@@ -55,6 +55,10 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
       line_of(f::kSlaveState,
               "slave {} left OP: AL status {:#04x} (1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, +16 error), "
               "code {:#06x}"));
+  slave_unknown_ = sites.add<unsigned>(
+      nrt, level,
+      line_of(f::kSlaveState,
+              "slave {} tells no state: it does not answer, or it is one more than were found"));
   slaves_missing_ = sites.add<unsigned>(
       nrt, level, line_of(f::kSlavesMissing, "from slave {} on nobody answers"));
   not_commutated_ = sites.add<unsigned>(
@@ -89,6 +93,12 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
   }
 }
 
+void BusLog::say_state(rt::RtLog& log, rt::Time now, const drivers::BusDetail& d) const noexcept {
+  const auto slave = static_cast<unsigned>(d.slave);
+  if (slave > 0 && d.al_state == 0) return log.write(slave_unknown_, now, slave);
+  log.write(slave_state_, now, slave, unsigned{d.al_state}, unsigned{d.al_code});
+}
+
 void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcept {
   const auto wheel = static_cast<unsigned>(r.wheel + 1);
   const auto slave = static_cast<unsigned>(r.detail.slave);
@@ -97,7 +107,7 @@ void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcep
       log.write(working_counter_, now);
       break;
     case robot_io_fault::kSlaveState:
-      log.write(slave_state_, now, slave, unsigned{r.detail.al_state}, unsigned{r.detail.al_code});
+      say_state(log, now, r.detail);
       break;
     case robot_io_fault::kSlavesMissing:
       log.write(slaves_missing_, now, slave);

@@ -15,13 +15,14 @@ class BusLog {
   void say(rt::RtLog&, rt::Time, const BusReport&) const noexcept;
 
  private:
+  void say_state(rt::RtLog&, rt::Time, const drivers::BusDetail&) const noexcept;
   struct Flag {
     std::uint32_t bit = 0;
     rt::LogSite<unsigned> site;
   };
   std::array<Flag, 10> flags_{};
   rt::LogSite<unsigned, unsigned, unsigned> slave_state_;
-  rt::LogSite<unsigned> slaves_missing_, not_commutated_, encoder_stands_;
+  rt::LogSite<unsigned> slave_unknown_, slaves_missing_, not_commutated_, encoder_stands_;
   rt::LogSite<unsigned> module_silent_, module_refuses_;            // of a CAN bus
   std::array<rt::LogSite<unsigned, unsigned, unsigned>, 4> joint_;  // by cause: slave, arm, joint
   rt::LogSite<> bus_off_, queue_full_, interface_down_;

@@ -175,10 +175,10 @@ inline constexpr std::array kFaultTable = {
            "the last state is kept; many in a row are F-RIO-02",
            "none; if it repeats, check the bus cable and its plugs"},
   FaultRow{511, "F-RIO-11", rt::Severity::kSafeStop, ClearRule::kOperator,
-           "robot_io: a slave of the motor bus left OP",
-           "safe stop; the log names the slave and its code",
-           "code 0x001b: no frames for 100 ms; else look at the slave's power and cable; "
-           "then clear"},
+           "robot_io: a slave of the motor bus left OP, or one was plugged in",
+           "safe stop; the log names the slave and its code, of one too many its number",
+           "code 0x001b: no frames for 100 ms; no state: take away what was plugged in; else look "
+           "at the slave's power and cable; then clear"},
   FaultRow{512, "F-RIO-12", rt::Severity::kSafeStop, ClearRule::kOperator,
            "robot_io: slaves of the motor bus do not answer",
            "safe stop; the log names the first one; drives behind a cut stop after 100 ms",

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <stdexcept>
@@ -23,7 +24,17 @@ void one_of(const EtherCatOptions& o, bool writing) {
   if (asked != 1)
     throw std::runtime_error(writing ? "exactly one of --register, --parameter and --sdo"
                                      : "exactly one of --register, --parameter, --sii and --sdo");
+  // What would have no effect is a mistake.
+  if (o.parameter < 0 && (o.motor >= 0 || o.module >= 0))
+    throw std::runtime_error(std::string(o.motor >= 0 ? "--motor" : "--module") +
+                             " is of --parameter");
+  if (o.bytes >= 0 && o.parameter >= 0)
+    throw std::runtime_error("--bytes: a parameter has a value of its own size");
+  if (o.bytes >= 0 && !o.sdo.empty() && !writing)
+    throw std::runtime_error("--bytes: an object is read whole");
 }
+
+int bytes_of(const EtherCatOptions& o) { return o.bytes < 0 ? 2 : o.bytes; }
 
 ec::SdoAddress sdo_address(const std::string& text) {
   unsigned index = 0, sub = 0;
@@ -46,8 +57,9 @@ tmcl::Reply ask_parameter(const EtherCatOptions& o, EtherCatSession& bus, bool w
   const ec::SlaveInfo& s = with_mailbox(o, bus);
   const auto command =
       writing ? tmcl::Command::kSetAxisParameter : tmcl::Command::kGetAxisParameter;
-  const tmcl::Request q{static_cast<std::uint8_t>(o.module), static_cast<std::uint8_t>(command),
-                        static_cast<std::uint8_t>(o.parameter), static_cast<std::uint8_t>(o.motor),
+  const tmcl::Request q{static_cast<std::uint8_t>(std::max(o.module, 0)),
+                        static_cast<std::uint8_t>(command), static_cast<std::uint8_t>(o.parameter),
+                        static_cast<std::uint8_t>(std::max(o.motor, 0)),
                         static_cast<std::int32_t>(writing ? o.value : 0)};
   ec::MailboxClient client(bus.port());
   const auto bytes = client.raw(s, tmcl::encode(q));
@@ -72,7 +84,7 @@ void show_bytes(const EtherCatOptions& o, const char* what, std::span<const std:
 }
 
 void show_parameter(const EtherCatOptions& o, const char* what, std::int32_t value) {
-  const auto* p = o.module == 0 ? tmcl::find_axis_parameter(o.parameter) : nullptr;
+  const auto* p = o.module <= 0 ? tmcl::find_axis_parameter(o.parameter) : nullptr;
   const std::string name = p == nullptr ? "" : p->name, unit = p == nullptr ? "" : p->unit;
   std::printf("slave %d: parameter %d %s = %d %s\n", o.slave, o.parameter, name.c_str(), value,
               unit.c_str());
@@ -91,7 +103,7 @@ int run_read(const EtherCatOptions& o) {
   EtherCatSession bus(o.bus);
   if (o.reg >= 0) {
     const int n = bus.count();
-    std::vector<std::uint8_t> b(static_cast<std::size_t>(o.bytes));
+    std::vector<std::uint8_t> b(static_cast<std::size_t>(bytes_of(o)));
     if (o.slave > n)
       throw std::runtime_error("--slave " + std::to_string(o.slave) + ": the chain has " +
                                std::to_string(n) + " slaves");
@@ -101,7 +113,7 @@ int run_read(const EtherCatOptions& o) {
   } else if (o.sii >= 0) {
     bus.find();
     const auto& s = bus.master().slaves()[bus.slave(o.slave)];
-    const auto words = static_cast<std::size_t>(o.bytes + 1) / 2;
+    const auto words = static_cast<std::size_t>(bytes_of(o) + 1) / 2;
     const auto b =
         ec::read_sii_words(bus.registers(), s.station, static_cast<std::size_t>(o.sii), words);
     if (!b) throw CouldNotDo(b.error());
@@ -121,13 +133,13 @@ int run_read(const EtherCatOptions& o) {
 
 int run_write(const EtherCatOptions& o) {
   one_of(o, true);
-  const std::int64_t limit = o.bytes >= 8 ? INT64_MAX : (std::int64_t{1} << 8 * o.bytes) - 1;
-  if (o.parameter < 0 && (o.bytes > 8 || o.value > limit || o.value < 0))
+  const int bytes = bytes_of(o);
+  const std::int64_t limit = bytes >= 8 ? INT64_MAX : (std::int64_t{1} << 8 * bytes) - 1;
+  if (o.parameter < 0 && (bytes > 8 || o.value > limit || o.value < 0))
     throw std::runtime_error("--value " + std::to_string(o.value) + ": not in --bytes " +
-                             std::to_string(o.bytes) + " (at most 8)");
+                             std::to_string(bytes) + " (at most 8)");
   std::vector<std::uint8_t> b;
-  for (int i = 0; i < o.bytes && i < 8; ++i)
-    b.push_back(static_cast<std::uint8_t>(o.value >> 8 * i));
+  for (int i = 0; i < bytes && i < 8; ++i) b.push_back(static_cast<std::uint8_t>(o.value >> 8 * i));
   EtherCatSession bus(o.bus);
   if (o.reg >= 0) {
     const int n = bus.count();

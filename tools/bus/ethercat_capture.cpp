@@ -115,8 +115,7 @@ std::uint64_t run_twin(const EtherCatOptions& o, rt::Nanos most) {
 }  // namespace
 
 int run_capture(const EtherCatOptions& o) {
-  if (o.bus.iface.empty() == o.bus.twin.empty())
-    throw std::runtime_error("exactly one of --iface IF and --twin KIND");
+  check_choice(o.bus);
   const auto most = std::chrono::duration_cast<rt::Nanos>(std::chrono::duration<double>(o.seconds));
   const std::uint64_t frames = o.bus.twin.empty() ? listen_to(o, most) : run_twin(o, most);
   std::printf("%llu frames in %s\n", static_cast<unsigned long long>(frames),

@@ -13,7 +13,10 @@ namespace teletact {
 struct EtherCatOptions {
   EtherCatChoice bus;
   std::string json, expect, to;
-  int slave = 1, bytes = 2, motor = 0, module = 0;
+  int slave = 1;
+  // Of a register, an EEPROM word or a written object; -1: not said, so 2. Of a parameter; -1: not
+  // said, so 0.
+  int bytes = -1, motor = -1, module = -1;
   int reg = -1, parameter = -1, sii = -1;
   std::string sdo;
   std::int64_t value = 0;

@@ -17,11 +17,18 @@ yb::MotorEffects motor_effects(const std::string& file) {
   return read.value();
 }
 
-EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
+void check_choice(const EtherCatChoice& o) {
   if (o.iface.empty() == o.twin.empty())
     throw std::runtime_error("exactly one of --iface IF and --twin KIND");
-  if (o.twin.empty() && !o.effects.empty())
-    throw std::runtime_error("--effects is of a twin: it needs --twin KIND");
+  if (!o.twin.empty()) return;
+  for (const auto& [option, value] :
+       {std::pair{"--effects", o.effects}, {"--generation", o.generation}})
+    if (!value.empty())
+      throw std::runtime_error(std::string(option) + " is of a twin: it needs --twin KIND");
+}
+
+EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
+  check_choice(o);
   if (!o.twin.empty()) {
     kind_ = yb::chain_kind_of(o.twin);
     if (!kind_)
@@ -52,7 +59,7 @@ EtherCatSession::~EtherCatSession() { master_->stop(startup_.token()); }
 
 void EtherCatSession::find() {
   const auto found = master_->find(token());
-  if (!found) throw std::runtime_error(found.error());
+  if (!found) throw CouldNotDo(found.error());
 }
 
 std::size_t EtherCatSession::slave(int number) const {
@@ -66,7 +73,7 @@ std::size_t EtherCatSession::slave(int number) const {
 int EtherCatSession::count() {
   std::array<std::uint8_t, 1> type{};
   const auto n = registers().run(ec::Command::kBrd, ec::broadcast_address(ec::reg::kType), type);
-  if (!n) throw std::runtime_error("EtherCAT: no frame came back: no slave, no cable, or no link");
+  if (!n) throw CouldNotDo("EtherCAT: no frame came back: no slave, no cable, or no link");
   return *n;
 }
 

@@ -19,11 +19,14 @@ struct CouldNotDo : std::runtime_error {
 };
 
 struct EtherCatChoice {
-  std::string iface, twin, generation = "new", capture;
+  std::string iface, twin, capture;
+  std::string generation;  // of the twin's boards: old or new; empty: new
   bool end_stops = false;  // of the twin's joints
   std::string effects;     // file of the twin's motors' effects
 };
 
+// One bus, and nothing of a twin for a network card. Throws std::runtime_error with one line.
+void check_choice(const EtherCatChoice&);
 // Of a file; an empty name: none. Throws std::runtime_error with one line.
 [[nodiscard]] drivers::youbot_bus::MotorEffects motor_effects(const std::string& file);
 
@@ -43,10 +46,11 @@ class EtherCatSession {
   // Of the twin that was asked for.
   [[nodiscard]] std::optional<drivers::youbot_bus::ChainKind> twin_kind() const { return kind_; }
 
-  // Addresses them all; they are in INIT after it. The slave that a person counts from 1.
+  // Addresses them all; they are in INIT after it. Throws CouldNotDo if no frame comes back. The
+  // slave that a person counts from 1.
   void find();
   [[nodiscard]] std::size_t slave(int number) const;
-  // Number of slaves, and registers by position: no slave changes its state.
+  // Number of slaves, and registers by position: no slave changes its state. CouldNotDo as above.
   [[nodiscard]] int count();
   [[nodiscard]] bool look(int position, std::uint16_t reg, std::span<std::uint8_t> into);
   // The chain is stopped, and the pcap file is whole; throws else.

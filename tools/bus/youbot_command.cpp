@@ -225,8 +225,10 @@ int run_youbot_setup(const YoubotOptions& o, std::istream& person) {
   return code;
 }
 
-int run_youbot_jog(const YoubotOptions& o, std::istream& person) {
-  Robot robot(o);
+namespace {
+
+// The slave that may be moved as it is asked for.
+std::size_t to_jog(const YoubotOptions& o, Robot& robot) {
   yb::DriveSession& s = *robot.session;
   const std::size_t i = robot.bus.slave(o.slave);
   if (!s.boards()[i].is_drive())
@@ -239,6 +241,15 @@ int run_youbot_jog(const YoubotOptions& o, std::istream& person) {
                   o.speed_rad_per_s, most);
     throw std::runtime_error(why.data() + s.name(i));
   }
+  return i;
+}
+
+}  // namespace
+
+int run_youbot_jog(const YoubotOptions& o, std::istream& person) {
+  Robot robot(o);
+  yb::DriveSession& s = *robot.session;
+  const std::size_t i = to_jog(o, robot);
   char text[160];
   std::snprintf(text, sizeof text, "Will move: %s, at %.3g rad/s for %.3g s%s", s.name(i).c_str(),
                 o.speed_rad_per_s, o.seconds,
@@ -247,7 +258,16 @@ int run_youbot_jog(const YoubotOptions& o, std::istream& person) {
   (void)Robot::require(yb::commutate(s, printed()));
   const auto before = s.inputs(i).position_ticks;
   (void)Robot::require(yb::jog(s, i, o.speed_rad_per_s, o.seconds));
-  std::printf("%s: from %d to %d ticks\n", s.name(i).c_str(), before, s.inputs(i).position_ticks);
+  const auto after = s.inputs(i).position_ticks;
+  std::printf("%s: from %d to %d ticks\n", s.name(i).c_str(), before, after);
+  if (!o.json.empty()) {
+    const nlohmann::ordered_json whole{
+        {"command", "youbot"},  {"slave", o.slave},
+        {"drive", s.name(i)},   {"speed_rad_per_s", o.speed_rad_per_s},
+        {"seconds", o.seconds}, {"from_ticks", before},
+        {"to_ticks", after}};
+    write_whole_file(o.json, whole.dump(2) + "\n");
+  }
   say_that_it_is_let_go(s);
   robot.bus.finish();
   return 0;

@@ -1,7 +1,15 @@
 // The virtual youBot behind a network card.
+#include <net/if.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
 #include <array>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 
 #include "drivers/ethercat/frame.hpp"
 #include "drivers/ethercat/raw_port.hpp"
@@ -18,6 +26,35 @@ namespace {
 
 volatile std::sig_atomic_t stop_twin = 0;
 void on_stop_twin(int) { stop_twin = 1; }
+
+// The card itself, down and up again (netdevice(7)). Up when this object goes.
+class CardSwitch {
+ public:
+  explicit CardSwitch(const std::string& card) : socket_(::socket(AF_INET, SOCK_DGRAM, 0)) {
+    std::copy_n(card.begin(), std::min(card.size(), std::size_t{IFNAMSIZ - 1}), request_.ifr_name);
+    if (socket_ >= 0 && ::ioctl(socket_, SIOCGIFFLAGS, &request_) == 0 && turn(false)) return;
+    const int error = errno;
+    if (socket_ >= 0) ::close(socket_);
+    throw std::runtime_error("--fault link: " + card + ": " +
+                             (error == EPERM ? "needs CAP_NET_ADMIN" : std::strerror(error)));
+  }
+  ~CardSwitch() {
+    (void)turn(false);
+    ::close(socket_);
+  }
+  CardSwitch(const CardSwitch&) = delete;
+  CardSwitch& operator=(const CardSwitch&) = delete;
+  bool turn(bool down) noexcept {
+    const auto up = static_cast<short>(IFF_UP);
+    const auto flags = static_cast<short>(request_.ifr_flags & ~up);
+    request_.ifr_flags = down ? flags : static_cast<short>(flags | up);
+    return ::ioctl(socket_, SIOCSIFFLAGS, &request_) == 0;
+  }
+
+ private:
+  int socket_;
+  ifreq request_{};
+};
 
 }  // namespace
 
@@ -39,6 +76,8 @@ int run_youbot_twin(const TwinOptions& o) {
   FaultyTwin twin(chain, std::move(faults));
   auto port = ec::RawPort::open(startup.token(), o.iface);
   if (!port) throw std::runtime_error(port.error());
+  std::optional<CardSwitch> card;
+  if (twin.has(TwinFaultKind::kLink)) card.emplace(o.iface);
   std::signal(SIGINT, on_stop_twin);
   std::signal(SIGTERM, on_stop_twin);
   std::printf("virtual youBot %s on %s: %zu slaves\n", yb::to_text(*kind), o.iface.c_str(),
@@ -52,8 +91,10 @@ int run_youbot_twin(const TwinOptions& o) {
   std::array<std::uint8_t, 1600> bytes{};
   twin.start(begin);
   std::uint64_t frames = 0, refused = 0;
+  bool down = false;
   while (stop_twin == 0 && (o.seconds <= 0 || wire.now() - begin < most)) {
     twin.act(wire.now());
+    if (card && twin.link_down() != down) (void)card->turn(down = twin.link_down());
     std::size_t n = wire.receive(bytes, twin.next(wire.now() + std::chrono::milliseconds{100}));
     if (n > 0 && n <= ec::kMaxFrame) {
       twin.take(std::span(bytes).first(n), wire.now());

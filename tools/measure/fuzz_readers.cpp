@@ -103,6 +103,7 @@ FuzzReaders::FuzzReaders() {
   add_store();
   add_road();
   add_bus();
+  add_bus_replies();
   add_desk();
   add_console();
 }

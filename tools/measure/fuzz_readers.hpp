@@ -30,6 +30,7 @@ class FuzzReaders {
   void add_store();
   void add_road();
   void add_bus();
+  void add_bus_replies();
   void add_desk();
   void add_console();
   std::filesystem::path folder_;

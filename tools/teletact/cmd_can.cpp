@@ -47,8 +47,10 @@ int cmd_can(int argc, char** argv) {
   auto* get = app.add_subcommand("get", "read a parameter");
   auto* set = app.add_subcommand("set", "write a parameter; a motor may move");
   auto* serve = app.add_subcommand("serve", "four simulated modules on an interface");
-  for (CLI::App* c : {scan, dump, get, set, serve}) {
+  for (CLI::App* c : {scan, dump, get, set, serve})
     c->add_option("--iface", o.bus.iface, "CAN interface that is up");
+  serve->get_option("--iface")->required();
+  for (CLI::App* c : {scan, dump, get, set}) {
     c->add_flag("--twin", o.bus.twin, "simulated modules in this process");
     c->add_option("--json", o.json, "write what was found to this file");
   }

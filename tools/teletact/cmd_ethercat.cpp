@@ -9,7 +9,8 @@
 //   --iface IF   a network card (CAP_NET_RAW)
 //   --twin KIND  the virtual youBot in this process: base, base+arm, base+2arms, arm
 //
-// Exit code 0: fine; 1: a wrong chain, or a slave that does not do it; 2: bad input.
+// Exit code 0: fine; 1: a wrong chain, no frame that comes back, or a slave that does not do it; 2:
+// bad input.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
@@ -27,9 +28,8 @@ namespace ec = drivers::ethercat;
 void add_bus_options(CLI::App& c, EtherCatOptions& o) {
   c.add_option("--iface", o.bus.iface, "network card; needs CAP_NET_RAW");
   c.add_option("--twin", o.bus.twin, "the virtual youBot: base, base+arm, base+2arms, arm");
-  c.add_option("--generation", o.bus.generation, "of the twin's boards")
-      ->check(CLI::IsMember({"old", "new"}))
-      ->capture_default_str();
+  c.add_option("--generation", o.bus.generation, "of the twin's boards; new unless said")
+      ->check(CLI::IsMember({"old", "new"}));
   c.add_option("--json", o.json, "write what was found to this file");
 }
 
@@ -50,7 +50,10 @@ void add_place_options(CLI::App& c, EtherCatOptions& o, bool writing) {
   if (!writing)
     c.add_option("--sii", o.sii, "word of the EEPROM; slaves go to INIT")->check(nothing);
   if (writing) c.add_option("--value", o.value, "what to write")->required();
-  c.add_option("--bytes", o.bytes, "how many")->check(CLI::Range(1, 512))->capture_default_str();
+  c.add_option("--bytes", o.bytes,
+               writing ? "of a register or an object, 1 to 8; 2 unless said"
+                       : "of a register or the EEPROM, 1 to 512; 2 unless said")
+      ->check(CLI::Range(1, 512));
   c.add_option("--motor", o.motor, "of a parameter; the gripper's bars are 0 and 1")
       ->check(CLI::Range(0, 255));
   c.add_option("--module", o.module, "of a parameter: 0 the drive, 1 the gripper behind joint 5")

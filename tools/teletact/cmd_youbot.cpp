@@ -22,11 +22,10 @@ void add_youbot_options(CLI::App& c, YoubotOptions& o) {
   c.add_option("--iface", o.bus.iface, "network card; needs CAP_NET_RAW");
   c.add_option("--twin", o.bus.twin,
                "the virtual youBot in this process: base, base+arm, base+2arms, arm");
-  c.add_option("--generation", o.bus.generation, "of the twin's boards")
-      ->check(CLI::IsMember({"old", "new"}))
-      ->capture_default_str();
+  c.add_option("--generation", o.bus.generation, "of the twin's boards; new unless said")
+      ->check(CLI::IsMember({"old", "new"}));
   c.add_option("--effects", o.bus.effects, "effects of the twin's motors, a file (config/effects)");
-  c.add_option("--json", o.json, "write the drives to this file");
+  c.add_option("--json", o.json, "write the drives, or what moved, to this file");
   c.add_option("--capture", o.bus.capture, "write every frame to this file, as pcap");
 }
 
@@ -82,8 +81,8 @@ int cmd_twin(int argc, char** argv) {
       "friction, inertia, play, weight, current limit, I2t: a file (config/effects)");
   youbot->add_option(
       "--fault", o.faults,
-      "KIND[:VALUE][@SECONDS], again for each: lose-out, lose-back, duplicate, delay, "
-      "corrupt, counter (:SHARE of frames), cut, fall, i2t, stick (:SLAVE), estop");
+      "KIND[:VALUE][@FROM[-TO]], again for each, seconds: lose-out, lose-back, duplicate, delay, "
+      "corrupt, counter (:SHARE of frames), cut, fall, i2t, stick (:SLAVE), estop, silence, link");
   youbot->add_flag("--ready", o.ready, "commutation known, as after a set-up");
   youbot->add_option("--clock", clock, "real; a wire has no virtual one")->capture_default_str();
   if (!parse_options(app, argc, argv)) return 0;

@@ -67,18 +67,52 @@ void Esc::reset_registers() noexcept {
   memory_[reg::kRamKiB] = config_.ram_kib;
   memory_[reg::kPortDescriptor] = 0x0F;  // ports 0 and 1 are MII, 2 and 3 not there
   store_u16(memory_, reg::kFeatures, config_.features);
-  if (sii_.size() > 10)
-    store_u16(memory_, reg::kStationAlias, load_u16(sii_, 2 * sii_word::kAlias));
+  load_configuration(true);
   store_u32(memory_, reg::kDlControl, 0x00070001);
-  memory_[reg::kPdiControl] = 0x08;
   // The chip's own defaults: 100 us, 100 ms.
   store_u16(memory_, reg::kWatchdogDivider, 2498);
   store_u16(memory_, reg::kPdiWatchdog, 1000);
   store_u16(memory_, reg::kDataWatchdog, 1000);
 }
 
-void Esc::count_bad_frame() noexcept {
-  if (memory_[reg::kUnitErrors] < 0xFF) ++memory_[reg::kUnitErrors];
+// ESC data sheet I, "EEPROM": area A, whose checksum has to be right. Words 0, 1 and 3 are the
+// application's interface, word 4 is the alias.
+void Esc::load_configuration(bool at_power_on) noexcept {
+  if (!sii_sealed()) return;
+  store_u16(memory_, reg::kPdiControl, load_u16(sii_, 0));
+  store_u16(memory_, reg::kPdiConfig, load_u16(sii_, 2));
+  store_u16(memory_, reg::kPdiConfig + 2, load_u16(sii_, 6));
+  if (at_power_on || config_.reload_takes_alias)
+    store_u16(memory_, reg::kStationAlias, load_u16(sii_, 2 * sii_word::kAlias));
+}
+
+bool Esc::sii_sealed() const noexcept {
+  return sii_.size() >= 16 &&
+         sii_checksum(std::span<const std::uint8_t>(sii_).first<14>()) == sii_[14];
+}
+
+// Each stops at its largest value.
+void Esc::count_up(std::size_t counter) noexcept {
+  if (memory_[counter] < 0xFF) ++memory_[counter];
+}
+
+void Esc::count_bad_frame() noexcept { count_up(reg::kUnitErrors); }
+
+void Esc::count_damaged(std::size_t port, bool first) noexcept {
+  count_up(first ? reg::kRxErrors + 2 * port : reg::kForwarded + port);
+}
+
+void Esc::lose_link(std::size_t port) noexcept { count_up(reg::kLostLinks + port); }
+
+// ESC data sheet II: a write of anything clears; ports' counters of frames are cleared together,
+// and so are those of links.
+void Esc::clear_counters(std::size_t at) noexcept {
+  const auto clear = [&](std::size_t first, std::size_t bytes) {
+    std::fill_n(memory_.begin() + static_cast<std::ptrdiff_t>(first), bytes, std::uint8_t{0});
+  };
+  if (at < reg::kUnitErrors) return clear(reg::kRxErrors, reg::kUnitErrors - reg::kRxErrors);
+  if (at >= reg::kLostLinks) return clear(reg::kLostLinks, 4);
+  clear(at, 1);
 }
 
 void Esc::pass(Passing& d, rt::Time now) noexcept {
@@ -217,16 +251,14 @@ unsigned Esc::event_request() const noexcept {
 void Esc::show(rt::Time now) noexcept {
   memory_[reg::kAlStatus] = shown_.state;
   store_u16(memory_, reg::kAlStatusCode, shown_.code);
-  // Link and communication of port 0, and of port 1 unless this is the last slave; loops of ports
-  // that lead nowhere are closed.
-  store_u16(memory_, reg::kDlStatus, behind_ == 0 ? 0x5611U : 0x5A31U);
+  // The application works, and feeds its watchdog (bits 0 and 1). Link and communication of port 0,
+  // and of port 1 unless this is the last slave; loops of ports that lead nowhere are closed.
+  store_u16(memory_, reg::kDlStatus, behind_ == 0 ? 0x5613U : 0x5A33U);
   memory_[reg::kWatchdogStatus] = watchdog_good_ ? 1 : 0;
   unsigned control = load_u16(memory_, reg::kSiiControl) & sii_control::kErrors;
   if (sii_busy_ > 0) control |= sii_control::kBusy;
   if (config_.sii_reads_eight) control |= sii_control::kReadsEight;
-  if (sii_.size() >= 16 &&
-      sii_checksum(std::span<const std::uint8_t>(sii_).first<14>()) != sii_[14])
-    control |= sii_control::kChecksumError;
+  if (sii_.size() >= 16 && !sii_sealed()) control |= sii_control::kChecksumError;
   store_u16(memory_, reg::kSiiControl, control);
   for (int i = 0; i < kManagers; ++i) {
     memory_[reg::sm_status(i)] = static_cast<std::uint8_t>(manager_status(i));
@@ -256,10 +288,7 @@ bool Esc::is_built(std::size_t at) const noexcept {
 
 void Esc::write_register(std::size_t at, std::uint8_t value) noexcept {
   const auto in = [&](const Range& r) { return at >= r.first && at <= r.last; };
-  if (at >= reg::kRxErrors && at < reg::kLostLinks + 4) {  // a write of anything clears
-    memory_[at] = 0;
-    return;
-  }
+  if (at >= reg::kRxErrors && at < reg::kLostLinks + 4) return clear_counters(at);
   if (std::none_of(kWritable.begin(), kWritable.end(), in) || !is_built(at)) return;
   if (at >= reg::kSm && at < reg::kSm + reg::kSmBytes * kManagers) {
     const std::size_t place = (at - reg::kSm) % reg::kSmBytes;
@@ -296,6 +325,8 @@ void Esc::run_sii_command() noexcept {
   } else if (command == sii_control::kWrite && (control & sii_control::kWriteEnable) != 0) {
     for (std::size_t i = 0; i < 2 && at + i < sii_.size(); ++i)
       sii_[at + i] = memory_[reg::kSiiData + i];
+  } else if (command == sii_control::kReload) {
+    load_configuration(false);
   } else {
     store_u16(memory_, reg::kSiiControl,
               command == sii_control::kWrite ? sii_control::kWriteError : sii_control::kNoAnswer);

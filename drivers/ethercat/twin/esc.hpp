@@ -12,6 +12,9 @@
 //         Off they may be only where the SII names no protocol: then no mailbox is served.
 // Events  a new DL or AL status and what happened to mailboxes, ORed into the irq field of each
 //         datagram as far as 0x0200 lets them (data sheet II, 0x0210). Buffers have none.
+// Errors  counted as the data sheet has it (I, "error counters"): frames that came damaged, by the
+//         first that hears it (0x0300) and those behind it (0x0308); frames whose structure is
+//         wrong (0x030C); lost links (0x0310). The counters of refused symbols stay 0.
 // Clocks  answer: system time, offset, delay, latched receive times, kHop from slave to slave and
 //         on the way back; nothing is synchronised.
 // Limits  FMMUs map whole bytes (feature bit 0 says so).
@@ -57,10 +60,11 @@ struct EscConfig {
   std::uint16_t build = 2;
   std::uint16_t features = feature::kByteFmmu | feature::kClocks;
   bool sii_reads_eight = false;
-  int sii_busy_looks = 1;        // so many reads of 0x0502 find it busy
-  bool op_needs_outputs = true;  // SAFEOP to OP only after outputs came: drives differ
-  int state_looks = 0;           // so many reads of 0x0130 until a new state shows
-  rt::Nanos mailbox_delay{0};    // from a request to its reply
+  int sii_busy_looks = 1;          // so many reads of 0x0502 find it busy
+  bool reload_takes_alias = true;  // as the ESC20's; others take it when their power comes alone
+  bool op_needs_outputs = true;    // SAFEOP to OP only after outputs came: drives differ
+  int state_looks = 0;             // so many reads of 0x0130 until a new state shows
+  rt::Nanos mailbox_delay{0};      // from a request to its reply
 };
 
 class Esc {
@@ -79,6 +83,10 @@ class Esc {
   void pass(Passing& d, rt::Time now) noexcept;
   // A frame that the processing unit could not read.
   void count_bad_frame() noexcept;
+  // A frame with a wrong check sequence came by this port; `first`: no other slave had marked it.
+  void count_damaged(std::size_t port, bool first) noexcept;
+  // The link of this port went.
+  void lose_link(std::size_t port) noexcept;
 
   // Power off and on: registers as new, INIT, no address.
   void power_cycle(rt::Time now) noexcept;
@@ -131,6 +139,10 @@ class Esc {
   void write_register(std::size_t at, std::uint8_t value) noexcept;
   void act_on_write(std::size_t at, std::size_t size, rt::Time now) noexcept;
   void run_sii_command() noexcept;
+  void load_configuration(bool at_power_on) noexcept;
+  [[nodiscard]] bool sii_sealed() const noexcept;
+  void clear_counters(std::size_t at) noexcept;
+  void count_up(std::size_t counter) noexcept;
   void latch_clocks(rt::Time now) noexcept;
   // The instant at which the frame that left the master `now` passes this slave.
   [[nodiscard]] std::int64_t passing_ns(rt::Time now) const noexcept {

@@ -18,6 +18,10 @@ bool use_up(int& count) noexcept {
 }  // namespace
 
 bool TwinPort::send(std::span<const std::uint8_t> frame) noexcept {
+  if (faults_.link_down != link_lost_) {
+    link_lost_ = faults_.link_down;
+    if (link_lost_ && chain_.size() > 0) chain_.slave(0).lose_link(0);
+  }
   if (faults_.link_down || frame.size() > kMaxFrame) return false;
   if (use_up(faults_.refuse)) return false;
   if (use_up(faults_.lose_out)) return true;
@@ -27,14 +31,20 @@ bool TwinPort::send(std::span<const std::uint8_t> frame) noexcept {
   const std::int64_t flight_ns =
       kByte_ns * around + kSlave_ns * static_cast<std::int64_t>(chain_.reach());
   const std::int64_t cpu = cpu_clock_ != nullptr ? cpu_clock_() : 0;
-  chain_.pass(std::span(work_.bytes).first(work_.size), now_);
+  const auto bytes = std::span(work_.bytes).first(work_.size);
+  const bool hurt_out = use_up(faults_.corrupt_out), lost = use_up(faults_.lose_back);
+  const bool hurt = hurt_out || (!lost && use_up(faults_.corrupt));
+  if (hurt) {
+    chain_.pass_damaged(bytes, now_, {faults_.cable, hurt_out});
+  } else {
+    chain_.pass(bytes, now_);
+  }
   if (cpu_clock_ != nullptr) twin_cpu_ns_ += cpu_clock_() - cpu;
-  if (use_up(faults_.lose_back)) return true;
+  if (lost) return true;
   rt::Time arrives = now_ + rt::Nanos{flight_ns};
   if (use_up(faults_.delay)) arrives += faults_.delay_by;
-  const auto bytes = std::span(work_.bytes).first(work_.size);
   if (use_up(faults_.wrong_counter)) lower_counter(bytes);
-  if (use_up(faults_.corrupt)) {
+  if (hurt) {
     rt::Random random(faults_.seed, order_);
     damage_heads(bytes, random);
   }

@@ -16,7 +16,9 @@ struct WireFaults {
   int duplicate = 0;  // comes back twice
   int delay = 0;      // comes back later, by:
   rt::Nanos delay_by = std::chrono::milliseconds{2};
-  int corrupt = 0;        // one byte of its heads is another
+  int corrupt = 0;        // comes back with another bit in its heads
+  int corrupt_out = 0;    // is so already on its way out: slaves behind that cable do not take it
+  std::size_t cable = 1;  // of both: behind this slave; 0: at the master's card
   int wrong_counter = 0;  // the first datagram's working counter is one too small
   int refuse = 0;         // the card does not take it; its link is up
   bool link_down = false;
@@ -60,6 +62,7 @@ class TwinPort final : public Port {
 
   TwinChain& chain_;
   WireFaults faults_;
+  bool link_lost_ = false;  // as the last send() found it
   rt::Time now_ = rt::time_from_ns(1'000'000'000);
   std::array<InFlight, 16> flight_{};
   InFlight work_;

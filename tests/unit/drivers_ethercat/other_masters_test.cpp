@@ -137,7 +137,7 @@ TEST(OtherMasters, EventsComeBackInEveryDatagram) {
   // A cut behind slave 2: its DL status is another.
   rig.wire.cut_behind(2);
   EXPECT_EQ(irq_of(rig), 0x04U);
-  EXPECT_EQ(rig.registers.read_u16(0x1002, 0x0110).value_or(0), 0x5611);
+  EXPECT_EQ(rig.registers.read_u16(0x1002, 0x0110).value_or(0), 0x5613);
   EXPECT_EQ(irq_of(rig), 0U);
   rig.wire.cut_behind(3);
   EXPECT_EQ(irq_of(rig), 0x04U);

@@ -24,12 +24,12 @@ class Lines : public spdlog::sinks::base_sink<std::mutex> {
 };
 
 struct LogRig {
-  std::string said(rt::FaultId id, BusTrouble trouble, int slave) {
+  std::string said(rt::FaultId id, BusTrouble trouble, int slave, std::uint16_t al_state = 0x14) {
     tasks::BusReport r;
     r.fault = id;
     r.detail.trouble = trouble;
     r.detail.slave = static_cast<std::int16_t>(slave);
-    r.detail.al_state = 0x14;
+    r.detail.al_state = al_state;
     r.detail.al_code = 0x1B;
     sink->last.clear();
     bus.say(log, rt::time_from_ns(1'000'000'000), r);
@@ -71,6 +71,15 @@ TEST(BusLog, ASlaveOfTheSecondArmHasItsNumber) {
   EXPECT_TRUE(has(fell, "code 0x001b")) << fell;
   const std::string gone = rig.said(fault::kSlavesMissing, BusTrouble::kSlavesMissing, 12);
   EXPECT_TRUE(has(gone, "F-RIO-12 from slave 12 on nobody answers")) << gone;
+}
+
+// No state is known of one that was plugged in while the others are in OP.
+TEST(BusLog, ASlaveTooManyHasItsNumber) {
+  LogRig rig;
+  rig.drain.attach(rig.startup.token(), "robot_io", rig.log);
+  const std::string line = rig.said(fault::kSlaveState, BusTrouble::kSlaveState, 12, 0);
+  EXPECT_TRUE(has(line, "F-RIO-11 slave 12 tells no state")) << line;
+  EXPECT_TRUE(has(line, "one more than were found")) << line;
 }
 
 }  // namespace

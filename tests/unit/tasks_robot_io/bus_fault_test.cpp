@@ -10,6 +10,15 @@ const std::vector<Fault>& stops() {
       {"a wheel's slave left OP",
        [](Base& b) { b.wire->chain().wire().slave(3).fall(0x0050, b.wire->port().now()); },
        [](Base&) {}, fault::kSlaveState, 12, 4},
+      {"a slave too many",
+       [](Base& b) {
+         static rt::Startup startup;
+         b.wire->chain().wire().add(std::make_unique<drivers::ethercat::Esc>(
+             startup.token(), drivers::ethercat::EscConfig{},
+             b.wire->chain().wire().slave(0).eeprom(),
+             std::make_unique<drivers::ethercat::EscApplication>()));
+       },
+       [](Base& b) { b.wire->chain().wire().cut_behind(5); }, fault::kSlaveState, 2, 6},
       {"cable cut behind slave 2", [](Base& b) { b.wire->chain().wire().cut_behind(2); },
        [](Base& b) { b.wire->chain().wire().cut_behind(5); }, fault::kSlavesMissing, 2, 3},
       {"no link", [](Base& b) { b.wire->port().faults().link_down = true; },

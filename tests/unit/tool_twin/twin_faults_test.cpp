@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <stdexcept>
 
 #include "tools/bus/youbot_command.hpp"
@@ -134,6 +135,74 @@ TEST(TwinFaults, TheChainDoesWhatWasAskedFor) {
   TwinRig stop({"estop"});
   stop.twin->act(stop.now);
   EXPECT_EQ(stop.counter(), 1);
+}
+
+TEST(TwinFaults, AnEndIsBehindItsBeginning) {
+  const TwinFault cut = parse_twin_fault("cut:4@2.5-4");
+  EXPECT_EQ(cut.from_s, 2.5);
+  EXPECT_EQ(cut.to_s, 4);
+  EXPECT_EQ(parse_twin_fault("estop@1e-3-2e-3").to_s, 2e-3);
+  EXPECT_TRUE(std::isinf(parse_twin_fault("estop@1").to_s));
+  for (const char* text : {"estop@2-2", "estop@2-1", "cut:1@1-", "cut:1@1-x", "cut:1@1-2-3",
+                           "lose-out:1@1-1e9", "estop@1--2", "silence@1-nan"})
+    EXPECT_THAT(refusal_of(text), testing::HasSubstr("the end is after the beginning")) << text;
+  EXPECT_THAT(refusal_of("fall:2@1-2"), testing::HasSubstr("by the master's recovery"));
+  EXPECT_THAT(refusal_of("i2t:2@1-2"), testing::HasSubstr("by the motor's own clear"));
+  EXPECT_THAT(refusal_of("silence:1"), testing::HasSubstr("takes no value"));
+  EXPECT_THAT(refusal_of("link:1"), testing::HasSubstr("takes no value"));
+}
+
+TEST(TwinFaults, WhatWasAskedForIsTakenBackAtItsEnd) {
+  TwinRig rig({"cut:3@1-2", "cut:6@1.5-3", "lose-out:1@4-5", "silence@6-7", "link@8-9"});
+  const rt::Time start = rig.now;
+  const auto at = [&](double seconds) {
+    rig.now = start + rt::Nanos{static_cast<std::int64_t>(1e9 * seconds)};
+    rig.twin->act(rig.now);
+    return rig.counter();
+  };
+  EXPECT_EQ(at(0.9), 11);
+  EXPECT_EQ(rig.twin->next(rig.now + 10s), start + 1s);
+  EXPECT_EQ(at(1), 3);
+  EXPECT_EQ(at(1.6), 3) << "cut before the other cut";
+  EXPECT_EQ(rig.twin->next(rig.now + 10s), start + 2s) << "an end is something to do";
+  EXPECT_EQ(at(2), 6) << "the other one is still cut";
+  EXPECT_EQ(at(3), 11);
+  EXPECT_EQ(at(4), -1);
+  EXPECT_EQ(at(5), 11);
+  const auto frames = rig.chain.wire().frames();
+  EXPECT_EQ(at(6), -1);
+  EXPECT_EQ(at(6.9), -1);
+  EXPECT_EQ(rig.chain.wire().frames(), frames) << "nothing reaches the slaves";
+  EXPECT_EQ(at(7), 11);
+  EXPECT_EQ(at(8), -1);
+  EXPECT_TRUE(rig.twin->link_down());
+  EXPECT_EQ(rig.chain.wire().slave(0).memory()[0x0310], 1) << "a lost link";
+  EXPECT_EQ(at(9), 11);
+  EXPECT_FALSE(rig.twin->link_down());
+  EXPECT_EQ(rig.twin->next(rig.now + 10s), rig.now + 10s) << "nothing is left to do";
+}
+
+// Released, the boards come back as from power that was off; a cut that is still there stays.
+TEST(TwinFaults, AReleasedEmergencyStopGivesPowerBack) {
+  TwinRig rig({"estop@1-2", "cut:8@0-3", "stick:2@1-2"});
+  rig.twin->act(rig.now);
+  EXPECT_EQ(rig.counter(), 8);
+  rig.chain.wire().slave(1).fall(ec::al_code::kUnspecified, rig.now);
+  rig.twin->act(rig.now += 1s);
+  EXPECT_EQ(rig.counter(), 1);
+  rig.twin->act(rig.now += 1s);
+  EXPECT_EQ(rig.counter(), 8);
+  EXPECT_EQ(rig.chain.wire().slave(1).al_status(),
+            (ec::AlStatus{static_cast<std::uint8_t>(ec::AlState::kInit), 0}));
+  rig.twin->act(rig.now += 1s);
+  EXPECT_EQ(rig.counter(), 11);
+}
+
+// What is damaged is counted by a slave, as on a real cable (register 0x0302).
+TEST(TwinFaults, ADamagedFrameIsCountedByASlave) {
+  TwinRig rig({"corrupt:1"});
+  for (int i = 0; i < 3; ++i) (void)rig.ask();
+  EXPECT_EQ(rig.chain.wire().slave(0).memory()[0x0302], 3);
 }
 
 TEST(TwinFaults, SlavesThatTheChainDoesNotHave) {

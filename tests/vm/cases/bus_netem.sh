@@ -24,16 +24,6 @@ part() {
   tc qdisc del dev veth1 root
 }
 
-under() {  # part, program and arguments: its figures and checks with the part's name before theirs
-  local name=$1
-  shift
-  "$@" > /tmp/raw 2>&1
-  local code=$?
-  sed "s/^figure ethercat\./figure $name./; s/^check /check $name: /" /tmp/raw
-  return $code
-}
-
-of() { value "/tmp/$1" "$1.$2"; }
 chain_of() { value "/tmp/$1.chain" "chain.$2"; }
 
 part duplicate "duplicate 2%" "duplicate 2%" run none yes

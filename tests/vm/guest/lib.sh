@@ -53,3 +53,14 @@ chain_down() {
   wait $chain
   cat /tmp/chain
 }
+
+under() {  # part, program and arguments: its figures and checks with the part's name before theirs
+  local name=$1
+  shift
+  "$@" > /tmp/raw 2>&1
+  local code=$?
+  sed "s/^figure ethercat\./figure $name./; s/^check /check $name: /" /tmp/raw
+  return $code
+}
+
+of() { value "/tmp/$1" "$1.$2"; }
