@@ -95,8 +95,11 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
 
 void BusLog::say_state(rt::RtLog& log, rt::Time now, const drivers::BusDetail& d) const noexcept {
   const auto slave = static_cast<unsigned>(d.slave);
-  if (slave > 0 && d.al_state == 0) return log.write(slave_unknown_, now, slave);
-  log.write(slave_state_, now, slave, unsigned{d.al_state}, unsigned{d.al_code});
+  if (slave > 0 && d.al_state == 0) {
+    log.write(slave_unknown_, now, slave);
+  } else {
+    log.write(slave_state_, now, slave, unsigned{d.al_state}, unsigned{d.al_code});
+  }
 }
 
 void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcept {

@@ -86,7 +86,7 @@ TEST(EscErrors, ADamagedFrameIsCountedWhereItIsHeard) {
   };
   const auto clear = [&] {
     Bytes zero(1);
-    for (const std::uint16_t reg : {0x0300, 0x030C})
+    for (const std::uint16_t reg : {std::uint16_t{0x0300}, std::uint16_t{0x030C}})
       EXPECT_EQ(rig.run(Command::kBwr, broadcast_address(reg), zero), 4);
     for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(counts_of(rig, i), Counts{}) << i;
   };
@@ -158,7 +158,7 @@ TEST(EscErrors, ACutIsALostLinkAtBothItsEnds) {
 TEST(EscErrors, TheApplicationsWatchdogIsFed) {
   WireRig rig(2);
   rig.scan_all();
-  for (const std::uint16_t station : {0x1001, 0x1002})
+  for (const std::uint16_t station : {std::uint16_t{0x1001}, std::uint16_t{0x1002}})
     EXPECT_EQ(rig.registers.read_u16(station, 0x0110).value_or(0) & 3U, 3U);
 }
 

@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <filesystem>
 #include <optional>
@@ -170,13 +171,20 @@ TEST_F(WiresharkTest, DamagedRepliesAreTheOnlyWrongFrames) {
   }
   const auto& after = bus.master->frames();
   const std::uint64_t damaged = after.damaged - before.damaged;
-  EXPECT_EQ(damaged + after.foreign - before.foreign, unsigned{kDamaged});
-  EXPECT_EQ(after.lost - before.lost, unsigned{kDamaged});
   ASSERT_TRUE(bus.port->close());
   const Seen s = read_back(file);
+  // Reserved bits say nothing, to a master neither: such a frame is good all the same.
+  const auto harmless = static_cast<std::uint64_t>(
+      std::count_if(s.wrong.begin(), s.wrong.end(), [](const std::string& why) {
+        return why.find("bit 11 of") != std::string::npos ||
+               why.find("bits 11 to") != std::string::npos;
+      }));
+  EXPECT_LT(harmless, 10U);
+  EXPECT_EQ(damaged + after.foreign - before.foreign, kDamaged - harmless);
+  EXPECT_EQ(after.lost - before.lost, kDamaged - harmless);
   EXPECT_EQ(s.wrong_sent, 0) << s.wrong[0];
   EXPECT_GT(s.wrong.size(), 10U);
-  EXPECT_LE(s.wrong.size(), damaged);
+  EXPECT_LE(s.wrong.size() - harmless, damaged);
   EXPECT_EQ(s.replies, s.frames / 2);
 }
 
