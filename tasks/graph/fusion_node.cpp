@@ -156,13 +156,14 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   }
   if (out_.objects_written) rt::effect_ran(rt::Effect::kObjects);
   if (out_.objects_written) send(kOut<EdgeId::kObjects>, *out_.objects);
-  // A force waits for the patch, nobody for the rest of the job.
+  publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
+  // A force waits for the patch, nobody for the rest of the job. What another task reads is all
+  // published by here: a recording has one end of a job, and who read a part of it read it there.
   end_step(tick, record);
   if (out_.view_written) send(kOut<EdgeId::kView>, *out_.view);
   if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);
   if (out_.mesh_written) send(kOut<EdgeId::kMesh>, *out_.mesh);
   if (hash_) record.output_hash = h.digest();
-  publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
   log_level(*cells_.logs, TaskId::kFusion, tick, logged_level_);
   if (edit_) {
     auto& logs = *cells_.logs;
