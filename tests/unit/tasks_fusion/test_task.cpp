@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "perception/tsdf/patch/patch_copy.hpp"
 #include "rt/hash.hpp"
 #include "tests/unit/tasks_fusion/rig.hpp"
 
