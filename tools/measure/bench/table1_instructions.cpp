@@ -73,7 +73,7 @@ void count(std::ostream& progress, const std::string& program, const FusionSeque
           callgrind_count(
               program,
               {file, std::to_string(s.voxel_m), std::to_string(s.level), on ? "on" : "off"},
-              "tasks::FusionTask::step*", scratch.path()) /
+              "tasks::FusionTask::*_step*", scratch.path()) /
           out.frames;
     }
     if (!(row.frame_without > 1e6))

@@ -1,7 +1,7 @@
 // teletact bench table1 --instructions: instructions of a fusion frame, by callgrind, and what the watch for moving
 // things adds to it on input in which nothing moves.
 //
-// Counted is FusionTask::step over the first images of a sequence, the first one included, each setting in a run of its own;
+// Counted are both parts of FusionTask::step over the first images of a sequence, the first one included, each setting in a run of its own;
 // valgrind knows no AVX-512, so these are the AVX2 kernels. A count has no noise: what other processes do is not in it.
 #pragma once
 

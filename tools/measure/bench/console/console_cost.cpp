@@ -64,7 +64,7 @@ double counted(const std::string& folder, bool page, Hashes& hashes) {
   Words words = nobody(name, json);
   if (page) words.emplace_back("--console");
   const double n =
-      callgrind_count(own_folder() + "/teletact", words, "tasks::FusionTask::step*", folder);
+      callgrind_count(own_folder() + "/teletact", words, "tasks::FusionTask::*_step*", folder);
   hashes = hashes_of(json);
   return n;
 }
