@@ -62,6 +62,7 @@ ClickSegmenter::ClickSegmenter(int max_width, int max_height, const ClickConfig&
       correction_(max_width, max_height, config.max_clicks) {
   const auto n = static_cast<std::size_t>(max_width) * static_cast<std::size_t>(max_height);
   mask_.resize(n);
+  level_.resize(n);
   for (auto& a : answers_) a.resize(n);
   const auto most = static_cast<std::size_t>(config.max_clicks);
   clicks_.reserve(most);
@@ -96,12 +97,12 @@ ClickAnswer ClickSegmenter::check(std::span<const Click> clicks, Click& first) n
 }
 
 // What the touch answered, as a mask of the whole image.
-void ClickSegmenter::keep(std::size_t k) noexcept {
-  std::fill_n(answers_[k].begin(), width_ * height_, std::uint8_t{0});
+void ClickSegmenter::keep(std::vector<std::uint8_t>& to) noexcept {
+  std::fill_n(to.begin(), width_ * height_, std::uint8_t{0});
   const OutlineRefiner::Box& b = touch_.box();
   for (int v = b.v0; v < b.v0 + b.height; ++v)
     for (int u = b.u0; u < b.u0 + b.width; ++u)
-      answers_[k][static_cast<std::size_t>(v * width_ + u)] = touch_.in(u, v) ? 1 : 0;
+      to[static_cast<std::size_t>(v * width_ + u)] = touch_.in(u, v) ? 1 : 0;
 }
 
 void ClickSegmenter::answer_otherwise(const Click& first) noexcept {
@@ -110,44 +111,97 @@ void ClickSegmenter::answer_otherwise(const Click& first) noexcept {
     OutlineConfig outline = config_.touch.outline;
     change(answered_, graph, outline);
     touch_.touch(first.u, first.v, graph, outline, {}, {});
-    keep(answered_);
+    keep(answers_[answered_]);
   }
 }
 
-// From a pixel to the nearest one of the other kind in the plain answer, px; the image's rim is
-// none.
-float ClickSegmenter::depth_in_plain_px(const Click& k) const noexcept {
-  const ImageView<const std::uint8_t> plain = answer(kPlain);
-  const bool in = plain.at(k.u, k.v) != 0;
+// From a click's pixel to the nearest one that is on the other side, px; the image's rim is none.
+template <class In>
+float ClickSegmenter::to_rim_px(const Click& k, const In& in) const noexcept {
+  const bool here = in(k.v * width_ + k.u);
   int best = width_ * width_ + height_ * height_;
-  for (int v = 0; v < height_; ++v) {
-    const int dv = (v - k.v) * (v - k.v);
-    if (dv >= best) continue;
-    for (int u = 0; u < width_; ++u)
-      if ((plain.at(u, v) != 0) != in) best = std::min(best, dv + (u - k.u) * (u - k.u));
+  // Rows from the click's outwards: those beyond the best so far are not read.
+  for (int far = 0; far < height_ && far * far < best; ++far) {
+    for (const int v : {k.v - far, k.v + far}) {
+      if (v < 0 || v >= height_) continue;
+      for (int u = 0; u < width_; ++u) {
+        const int d = far * far + (u - k.u) * (u - k.u);
+        if (d < best && in(v * width_ + u) != here) best = d;
+      }
+    }
   }
   return std::sqrt(static_cast<float>(best));
 }
 
-// Between clicks that are deep on the wrong side and those that are right. Shallow ones move the
-// outline only.
-void ClickSegmenter::answer_parted(const Click& first) noexcept {
+// Those that part the object: deep on the wrong side, or rightly of the object. Shallow ones move
+// the outline only. False when none is deep.
+bool ClickSegmenter::choose_seeds() noexcept {
+  const std::vector<std::uint8_t>& plain = answers_[kPlain];
+  const auto in = [&](int i) { return plain[static_cast<std::size_t>(i)] != 0; };
   seeds_.clear();
   bool deep = false;
+  for (const bool add : {true, false}) {
+    for (const Click& k : clicks_) {
+      if (k.add != add) continue;
+      const bool right = in(k.v * width_ + k.u) == add;
+      const float depth = right ? 0.0F : to_rim_px(k, in);
+      deep = deep || depth > config_.deep_px;
+      if (depth > config_.deep_px || (add && right))
+        seeds_.push_back({k.u, k.v, add, config_.parted_reach * depth});
+    }
+    if (add) added_ = seeds_.size();
+  }
+  return deep;
+}
+
+// People click in the middle of what is wrong. Of what a level adds to the plain answer, or takes
+// from it: by how much its radius (of a disc as large) exceeds what its clicks ask for.
+float ClickSegmenter::unexplained_px(bool add) const noexcept {
+  const auto changed = [&](int i) {
+    const auto k = static_cast<std::size_t>(i);
+    return (answers_[kPlain][k] != 0) != add && (level_[k] != 0) == add;
+  };
+  float area = 0, asked = 0;
+  for (int i = 0; i < width_ * height_; ++i) area += changed(i) ? 1.0F : 0.0F;
+  if (!(area > 0)) return 0;
   for (const Click& k : clicks_) {
-    const bool right = (answer(kPlain).at(k.u, k.v) != 0) == k.add;
-    const float depth = right ? 0.0F : depth_in_plain_px(k);
-    deep = deep || depth > config_.deep_px;
-    if (depth > config_.deep_px || (k.add && right))
-      seeds_.push_back({k.u, k.v, k.add, config_.parted_reach * depth});
+    if (k.add != add || !changed(k.v * width_ + k.u)) continue;
+    const float r = config_.explained_spread * to_rim_px(k, changed);
+    asked += r * r;
   }
-  if (deep) {
-    touch_.touch(first.u, first.v, config_.touch.graph, config_.touch.outline, seeds_,
-                 config_.split);
-    keep(kParted);
-  } else {
+  return std::max(0.0F, std::sqrt(area / 3.14159265F) - std::sqrt(asked));
+}
+
+float ClickSegmenter::level_score() const noexcept {
+  const auto in = [&](int i) { return level_[static_cast<std::size_t>(i)] != 0; };
+  float score = config_.unexplained_weight * (unexplained_px(true) + unexplained_px(false));
+  for (const Click& k : clicks_)
+    if (in(k.v * width_ + k.u) != k.add) score += to_rim_px(k, in);
+  return score;
+}
+
+// How far pieces are joined before the clicks part them. Where the plain answer is several things,
+// finer regions part all of a neighbour, not only what is near the click.
+ObjectGraphConfig ClickSegmenter::choose_level(const Click& first) noexcept {
+  ObjectGraphConfig graph = config_.touch.graph, best = graph;
+  float least = 0;
+  for (int level = 0; level < config_.levels; ++level) {
+    touch_.touch(first.u, first.v, graph, config_.touch.outline, added(), config_.split);
+    keep(level_);
+    const float score = level_score() + (level > 0 ? config_.level_px : 0.0F);
+    if (level == 0 || score < least) least = score, best = graph;
+    graph.stop *= config_.level_factor;
+  }
+  return best;
+}
+
+void ClickSegmenter::answer_parted(const Click& first) noexcept {
+  if (!choose_seeds()) {
     std::copy_n(answers_[kPlain].begin(), width_ * height_, answers_[kParted].begin());
+    return;
   }
+  touch_.touch(first.u, first.v, choose_level(first), config_.touch.outline, seeds_, config_.split);
+  keep(answers_[kParted]);
 }
 
 // With a margin in which no answer has a pixel, as far as the image has one.
@@ -180,7 +234,7 @@ ClickAnswer ClickSegmenter::segment(std::span<const Click> clicks) noexcept {
     first_ = first;
     found_ = touch_.touch(first.u, first.v);
     named_support_ = touch_.named_support();
-    keep(kPlain);
+    keep(answers_[kPlain]);
     answered_ = 1;
   }
   const auto pixel = [&](const Click& k) -> std::uint8_t& {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "perception/segmentation/colour_shares.hpp"
 #include "rt/random.hpp"
 
 namespace perception {
@@ -137,13 +138,16 @@ void ObjectGraph::mark_support(const SurfacePatches& patches, const SupportPlane
 }
 
 // The bottom of a bowl is as high as the table. Support of another colour than the large rest, not
-// connected to it by likeness, is given back to the objects.
+// connected to it by likeness, is given back to the objects. A colour that much of the support has
+// is the support's own, as on a floor of two colours.
 void ObjectGraph::free_coloured_support(const SurfacePatches& patches,
                                         const ObjectGraphConfig& c) noexcept {
   double L = 0, a = 0, b = 0, n = 0;
+  ColourShares shares;
   for (int i = 0; i < patches.count(); ++i) {
     if (!support_[static_cast<std::size_t>(i)]) continue;
     const SurfacePiece& p = patches.piece(i);
+    shares.add(p);
     L += static_cast<double>(p.L) * p.coloured;
     a += static_cast<double>(p.a) * p.coloured;
     b += static_cast<double>(p.b) * p.coloured;
@@ -155,7 +159,8 @@ void ObjectGraph::free_coloured_support(const SurfacePatches& patches,
   support_colour_ = {static_cast<float>(L / n), ma, mb};
   for (int i = 0; i < patches.count(); ++i) {
     const SurfacePiece& p = patches.piece(i);
-    if (p.coloured > 0 && std::hypot(p.a - ma, p.b - mb) > c.flat_colour)
+    if (p.coloured > 0 && std::hypot(p.a - ma, p.b - mb) > c.flat_colour &&
+        shares.like(p, c.flat_colour) <= c.common_share)
       support_[static_cast<std::size_t>(i)] = 0;
   }
 }

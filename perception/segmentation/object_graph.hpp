@@ -36,6 +36,9 @@ struct ObjectGraphConfig {
   float occluded_colour = 25;  // Lab units between two parts of one object
   float far_m = 0.20F;         // a gap beyond it is never bridged
   float flat_colour = 12;  // enclosed support that differs so much in a, b is a thing of its own
+  // chosen on: clutter 200 to 211, tabletop; judged on: clutter 100 to 109
+  float common_share = 0.25F;  // a colour that so much of the support has is the support's
+  // chosen on: not recorded; judged on: mosd_learn, tabletop, ycb_video (docs/segmentation.md)
   // Support plane: searched within this distance of the touch.
   float support_radius_m = 0.6F;
   float support_m = 0.006F, support_per_m2 = 0.003F;  // height that is still support

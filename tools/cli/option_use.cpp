@@ -64,7 +64,7 @@ constexpr OptionUse kAccuracy[] = {
     {"--data", "segmentation, clicks"},
     {"--clutter", "clicks"},
     {"--default-only", "clicks"},
-    {"--seed", "segmentation, weighting, weighting --rgbd"},
+    {"--seed", "segmentation, clicks, weighting, weighting --rgbd"},
 };
 
 bool holds(const std::string& jobs, const std::string& job) {

@@ -49,6 +49,13 @@ void add_clicks(CLI::App& app, ClicksStudyOptions& clicks, bool& default_only) {
   app.add_flag("--default-only", default_only, "clicks: the default setting alone");
 }
 
+void finish_clicks(const CLI::App& app, const SegmentationStudyOptions& segmentation,
+                   bool default_only, ClicksStudyOptions& clicks) {
+  clicks.data = segmentation.data;
+  clicks.knobs = !default_only;
+  if (app.count("--seed") > 0) clicks.seed = segmentation.seed;
+}
+
 // What was given to fusion's options, over the study's own defaults.
 WeightingOptions weighting_of(const CLI::App& app, const FusionStudyOptions& fusion, int samples,
                               std::uint64_t seed) {
@@ -138,7 +145,8 @@ int cmd_accuracy(int argc, char** argv) {
   bool default_only = false;
   add_clicks(app, clicks, default_only);
   app.add_option("--seed", segmentation.seed,
-                 "segmentation: of the touches; weighting: of the samples, default 31")
+                 "segmentation: of the touches; weighting: of the samples, default 31; clicks: "
+                 "of the first drawn scene, default 100")
       ->capture_default_str();
   app.add_option("--plots", plots, "folder for the SVG plots");
   app.add_option("--json", json, "write the figures to this file");
@@ -146,8 +154,7 @@ int cmd_accuracy(int argc, char** argv) {
   check_accuracy_use(app, what, app.count("--rgbd") > 0);
   if (what == "segmentation" && segmentation.data.empty())
     throw std::runtime_error("accuracy segmentation needs --data DIR");
-  clicks.data = segmentation.data;
-  clicks.knobs = !default_only;
+  finish_clicks(app, segmentation, default_only, clicks);
   if (!intrinsics.empty()) fusion.pinhole = parse_pinhole(intrinsics);
   check_outputs({{"--json", json}}, {});
   if (!plots.empty()) make_output_folder("--plots", plots);

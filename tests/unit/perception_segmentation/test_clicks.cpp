@@ -191,6 +191,26 @@ TEST(Clicks, AddJoinsWhatLooksLikeTwo) {
   EXPECT_GT(iou(s, scene, 1), 0.93);
 }
 
+// A thing 11 mm high on a support of two colours: a colour that much of the support has is no thing of its own, or the
+// thing would be joined with all checks of it.
+TEST(Clicks, OnASupportOfTwoColours) {
+  rt::Random random(57);
+  Scene scene = boards(false, random);
+  for (int v = 0; v < kH; ++v)
+    for (int u = 0; u < kW; ++u) {
+      if (scene.truth.at(u, v) == 0)
+        scene.rgb.at(u, v) = (u / 20 + v / 20) % 2 == 0 ? Rgb{40, 150, 60} : Rgb{170, 60, 150};
+      scene.depth.at(u, v) =
+          static_cast<std::uint16_t>((scene.truth.at(u, v) == 3 ? 989 : 1000) + random.normal());
+    }
+  ClickSegmenter s(kW, kH);
+  show(s, scene);
+  const std::vector<Click> one{{210, 85, true}};
+  ASSERT_EQ(s.segment(one), ClickAnswer::kDone);
+  std::printf("  IoU %.3f with one click\n", iou(s, scene, 3));
+  EXPECT_GT(iou(s, scene, 3), 0.9);
+}
+
 // Without a reading, at the image's corners, on depth of no use.
 TEST(Clicks, WhereThereIsNoDepth) {
   rt::Random random(56);
