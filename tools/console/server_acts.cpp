@@ -37,6 +37,20 @@ bool in_time(WsViewer& v, int stream, std::int64_t now_ns, bool& too_long) {
 
 ConsoleAnswer refusal(std::string why) { return {false, std::move(why), {}}; }
 
+// A token's `t`, the page's own time, is said back at once beside the box's: by that the page knows
+// how late its line is (docs/console_protocol.md, Time).
+std::optional<ConsoleAnswer> echo_of(const IntentEnvelope& e) {
+  const auto t = e.intent.find("t");
+  if (e.act != "token" || t == e.intent.end() || !t->is_number()) return {};
+  return ConsoleAnswer{true, {}, nlohmann::json{{"t", *t}}.dump()};
+}
+
+// Whoever only looks on may say it too.
+bool holds_nothing(const IntentEnvelope& e) {
+  const auto holds = e.intent.find("holds");
+  return e.act == "token" && holds != e.intent.end() && holds->is_array() && holds->empty();
+}
+
 }  // namespace
 
 ViewBytes ServerCore::answer_view(std::int64_t id, const ConsoleAnswer& answer) {
@@ -114,6 +128,7 @@ std::optional<ConsoleAnswer> ServerCore::do_act(WsViewer& viewer, const IntentEn
   }
   const ConsolePerson from = sessions.person(viewer.session);
   if (from.role != ConsoleRole::kOperator) {
+    if (holds_nothing(e)) return echo_of(e);
     tally.refuse(Refusal::kRole);
     if (++viewer.refused_role >= WsViewer::kMostRefused)
       viewer.close(kCloseRole, "only the operator may act");
@@ -122,8 +137,8 @@ std::optional<ConsoleAnswer> ServerCore::do_act(WsViewer& viewer, const IntentEn
   }
   ++tally.acts;
   auto answer = ask_callback({from, e.id, e.act, e.intent});
+  if (e.act == "token") return echo_of(e);
   if (answer && answer->ok && stream >= 0) return {};
-  if (e.act == "token") return {};
   return answer;
 }
 

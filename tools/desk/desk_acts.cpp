@@ -25,6 +25,17 @@ std::string two_digits(double v) {
   return text;
 }
 
+// Why nobody may drive by what this box has seen: the page locks driving by the same limit, but what
+// a page says may be wrong. Empty: the newest picture is new enough.
+std::string blind_text(OperatorBox& box, rt::Time now) {
+  constexpr rt::Nanos kBlind = std::chrono::seconds{1};
+  const auto frame = box.graph().cells().read<tasks::EdgeId::kFrame, tasks::kConsole>();
+  if (!frame) return "there is no picture of the camera yet";
+  const rt::Nanos age = now - frame->exposure;
+  if (age <= kBlind) return {};
+  return "the newest picture is " + two_digits(rt::seconds(age)) + " s old";
+}
+
 // While keep-outs are put back some are missing: nothing sets off, and nothing comes between.
 bool waits_for_opening(Act act) {
   return act == Act::kEngage || act == Act::kMark || act == Act::kGoTo || act == Act::kDraw ||
@@ -227,6 +238,11 @@ std::string DeskActs::drive(const Intent& intent, rt::Time at, rt::Time now) {
   if (console_.seen().mode.mode != Mode::kEngaged) return "not engaged";
   if (!drive_hold_.held(now))
     return drive_hold_.lost() ? "let go first, then press again" : "nothing is held";
+  if (const std::string why = blind_text(box_, now); !why.empty()) {
+    drive_hold_.lose();
+    if (driving_) events_.add(now, "drive", why);
+    return why;
+  }
   drive_ = intent;
   drive_at_ = at;
   return {};
@@ -246,7 +262,7 @@ void DeskActs::keep_drive(rt::Time now) {
   if (held != driving_) {
     events_.add(now, "drive",
                 held ? "driven by hand"
-                     : (drive_hold_.lost() ? "the page no longer says that it holds: the base halts"
+                     : (drive_hold_.lost() ? "no longer held by the page: the base halts"
                                            : "let go: the base halts"));
   }
   driving_ = held;

@@ -5,7 +5,8 @@
 //   engage   pressed, and held by tokens: without one for Hold::kLife the engagement is taken back.
 //            Once it has ended, for whatever reason, a new press is needed.
 //   drive    a velocity, held by tokens; the first of a press drops a goal that is being driven to,
-//            so that letting go never sets the base off to somewhere.
+//            so that letting go never sets the base off to somewhere. Refused, and the hold lost,
+//            while the newest picture is older than 1 s.
 //   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
 //   select,  clicks propose an object; what is accepted goes to fusion (desk_objects.hpp).
 //   accept

@@ -109,6 +109,8 @@ class Keys {
 constexpr double kPlace = IntentLimits::kPlace_m, kPi = std::numbers::pi;
 
 void read_token(Keys& k, Intent& in) {
+  double page_s = 0;  // the server has said it back
+  if (k.has("t")) k.number("t", page_s, -IntentLimits::kPage_s, IntentLimits::kPage_s);
   const json* holds = k.take("holds");
   if (holds == nullptr) return;
   if (!holds->is_array() || holds->size() > 3) return k.wrong("holds", "is no list of holds");

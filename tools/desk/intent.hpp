@@ -70,6 +70,7 @@ struct Intent {
 
 struct IntentLimits {
   static constexpr double kPlace_m = 1000, kHalf_m = 20, kSpeed_m_per_s = 2, kTurn_rad_per_s = 3;
+  static constexpr double kPage_s = 1e12;  // a page's own time
   static constexpr std::size_t kMostPoints = 128, kMostText = 200, kMostName = 40;
 };
 

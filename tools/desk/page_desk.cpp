@@ -1,11 +1,13 @@
 #include "tools/desk/page_desk.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "perception/map_file/map_file.hpp"
+#include "rt/clock/box_time.hpp"
 
 namespace teletact {
 
@@ -71,7 +73,7 @@ void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& sce
   auto started = ConsoleServer::start(options_.server, callbacks());
   if (!started) throw std::runtime_error("--console: " + started.error());
   server_ = std::move(started).value();
-  server_->set_clock([this] { return now_s_.load(); });
+  server_->set_clock([this] { return clock_s(); });
   desk_ = std::make_unique<Desk>(box, console, scene, epoch, options_.desk, port());
   open_.store(true);
   const std::string url = server_->url();
@@ -84,8 +86,22 @@ void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& sce
     std::printf("--open: there is no desktop to open a browser on; open the address above\n");
 }
 
-void PageDesk::tick(rt::Time now) {
+// Seconds of the box's clock, for what the server makes between two ticks. A simulated clock stands
+// between them; the real one goes on even if the console's thread does not.
+double PageDesk::clock_s() const {
+  const std::int64_t ahead = ahead_ns_.load();
+  if (options_.desk.paced || ahead == kNoTick) return now_s_.load();
+  return 1e-9 * static_cast<double>(rt::monotonic_ns() - ahead);
+}
+
+void PageDesk::keep_clock(rt::Time now) {
   now_s_.store(rt::seconds(now - epoch_));
+  // `now` was read a little earlier: the least is the nearest.
+  ahead_ns_.store(std::min(ahead_ns_.load(), rt::monotonic_ns() - (now - epoch_).count()));
+}
+
+void PageDesk::tick(rt::Time now) {
+  keep_clock(now);
   if (desk_) desk_->tick(now);
   if (server_ && server_->viewers() > 0) door_.remove();  // it has led there
 }
@@ -95,7 +111,7 @@ bool PageDesk::await_acts(rt::Nanos most) {
 }
 
 void PageDesk::take_acts(rt::Time now) {
-  now_s_.store(rt::seconds(now - epoch_));
+  keep_clock(now);
   desk_->take_acts(now);
 }
 

@@ -45,12 +45,16 @@ class PageDesk final : public PageHook {
 
  private:
   void shut();
+  [[nodiscard]] double clock_s() const;
+  void keep_clock(rt::Time now);
   void write_figures() const;
   void write_maps() const;
   [[nodiscard]] DeskPort port();
   [[nodiscard]] ConsoleCallbacks callbacks();
   PageOptions options_;
+  static constexpr std::int64_t kNoTick = INT64_MAX;
   std::atomic<double> now_s_{0};
+  std::atomic<std::int64_t> ahead_ns_{kNoTick};  // the machine's clock before the box's
   rt::Time epoch_{};
   OperatorBox* box_ = nullptr;  // while it stands
   TaskWatch tasks_;

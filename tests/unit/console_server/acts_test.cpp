@@ -1,5 +1,6 @@
 // Over the wire: intents in, answers out, one operator, the stop before all queues.
 #include <chrono>
+#include <cstring>
 #include <thread>
 
 #include "support.hpp"
@@ -46,6 +47,36 @@ TEST_F(Console, HeldActsAreAnsweredOnlyWhereRefused) {
   s->text(intent(4, "mark"));
   EXPECT_THAT(s->answer(), HasSubstr("\"id\":4"));
   EXPECT_EQ(acts_, 4);
+}
+
+// By it a page knows how late its line is; a viewer sees pictures too.
+TEST_F(Console, ATokensTimeIsSaidBackAtOnce) {
+  start();
+  server_->set_clock([] { return 7.25; });
+  const std::string cookie = join_operator();
+  const auto s = open(cookie), v = open(join_viewer(cookie));
+  s->text(intent(1, "token", ",\"holds\":[\"drive\"],\"t\":1234.5678"));
+  const Frame f = s->next(7);
+  EXPECT_EQ(f.body(), "{\"id\":1,\"ok\":true,\"result\":{\"t\":1234.5678}}");
+  double made = 0;
+  std::memcpy(&made, f.payload.data() + 8, sizeof made);
+  EXPECT_EQ(made, 7.25);
+  s->text(intent(2, "token", ",\"holds\":[],\"t\":\"now\""));
+  s->text(intent(3, "hold"));
+  EXPECT_THAT(s->answer(), HasSubstr("\"id\":3")) << "no number is not said back";
+  EXPECT_EQ(acts_, 3) << "and each went on to whoever does it";
+  // As long as it goes on looking.
+  for (int id = 1; id <= 150; ++id) {
+    v->text(intent(id, "token", ",\"holds\":[],\"t\":" + std::to_string(id)));
+    ASSERT_THAT(v->answer(), HasSubstr("{\"t\":" + std::to_string(id) + "}"));
+    std::this_thread::sleep_for(std::chrono::milliseconds(12));  // of 100 a second
+  }
+  EXPECT_EQ(refused(Refusal::kRole), 0U);
+  EXPECT_EQ(acts_, 3);
+  v->text(intent(151, "token", ",\"holds\":[\"drive\"],\"t\":1"));
+  v->text(intent(152, "hold"));
+  EXPECT_THAT(v->answer(), HasSubstr("\"id\":152,\"ok\":false"));
+  EXPECT_EQ(refused(Refusal::kRole), 2U);
 }
 
 TEST_F(Console, WhatIsNoIntentMovesNothing) {

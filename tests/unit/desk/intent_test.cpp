@@ -68,6 +68,8 @@ TEST(Intents, EachActIsReadWithItsKeys) {
   EXPECT_EQ(read(good()[6]).value().points_W.size(), 2U);
   const auto token = read(good()[3]).value();
   EXPECT_TRUE(token.hold_engage && token.hold_drive && !token.hold_hand);
+  EXPECT_TRUE(read(R"({"act":"token","holds":["hand"],"t":1234.5})").value().hold_hand);
+  EXPECT_FALSE(read(R"({"act":"token","holds":["hand"],"t":"now"})"));
 }
 
 // Every key of every act: taken away, of another type, and one too many.

@@ -170,6 +170,9 @@ TEST(DeskPage, APersonAtABrowserDrivesTheRobotToAPlace) {
     p.holds = json::array({"engage"});
     ASSERT_TRUE(p.until([&] { return state(p, "mode") == "hold" && p.views[5] > 0; }, 120s));
     EXPECT_EQ(p.text["role"], "operator");
+    const auto echo = p.say({{"act", "token"}, {"holds", {"engage"}}, {"t", 12.5}});
+    ASSERT_TRUE(p.until([&] { return p.answers.count(echo) > 0; }, 60s));
+    EXPECT_EQ(p.answers[echo]["result"]["t"], 12.5);
     // The bin, as the camera sees it from the start.
     const auto select =
         p.say({{"act", "select"}, {"u", 0.577}, {"v", 0.235}, {"sign", 1}, {"new", true}});

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "rt/quantile.hpp"
@@ -337,6 +338,49 @@ TEST(DeskRun, DrivingByHandEndsWithItsTokensAndReplays) {
   EXPECT_EQ(json::parse(p.text)["mode"], "hold");
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
+}
+
+// The page says that it sees well and drives on: the box knows better. Frames 105 on do not come, of 30
+// a second.
+TEST(DeskRun, NobodyDrivesByAPictureOlderThanASecond) {
+  const std::string plan = (folder() / "no_frames.toml").string();
+  std::ofstream(plan) << "name = \"no_frames\"\nseed = 1\n[[fault]]\nkind = \"drop\"\n"
+                         "target = \"frame\"\nfirst = 105\ncount = 75\n";
+  auto s = scene();
+  Person p;
+  p.viewers = 1;
+  std::int64_t early = 0, late = 0, again = 0;
+  const json drive{{"act", "drive"}, {"vx", 0.2}, {"vy", 0.0}, {"wz", 0.0}};
+  const json both = json::array({"engage", "drive"}), one = json::array({"engage"});
+  p.holds = one;
+  p.act = [&](double t) {
+    if (p.once("engage", t, 1.5)) static_cast<void>(p.say({{"act", "engage"}}));
+    if (p.once("press", t, 2.5)) p.holds = both, p.driven = drive;
+    if (p.once("early", t, 4.0)) early = p.say(drive);
+    if (p.once("stop saying", t, 5.5)) p.holds = one, p.driven.reset();
+    // A new press does not help.
+    if (p.once("press again", t, 5.7)) p.holds = both;
+    if (p.once("late", t, 5.8)) late = p.say(drive);
+    if (p.once("let go", t, 6.0)) p.holds = one;
+    if (p.once("pictures", t, 7.0)) p.holds = both, p.driven = drive;
+    if (p.once("last", t, 7.6)) again = p.say(drive);
+  };
+  DemoOptions options;
+  options.fault_plan = plan;
+  const VirtualRun r = run(*s, 8, p, options);
+  EXPECT_EQ(p.answers.count(early), 0U) << p.answers[early].why;
+  EXPECT_FALSE(p.answers[late].ok);
+  EXPECT_THAT(p.answers[late].why, testing::HasSubstr("s old"));
+  EXPECT_EQ(p.answers.count(again), 0U) << p.answers[again].why;
+  EXPECT_NEAR(speed_at(r, 4.3), 0.2, 0.02)
+      << "older than the page's colour turns, not yet a second";
+  EXPECT_LT(speed_at(r, 5.3), 0.005) << "the key is still held";
+  EXPECT_LT(path_to(r, 6.9) - path_to(r, 5.4), 0.005);
+  EXPECT_NEAR(speed_at(r, 7.7), 0.2, 0.02) << "pictures again, a new press";
+  const auto& events = p.desk->events().newest();
+  EXPECT_TRUE(std::any_of(events.begin(), events.end(), [](const auto& e) {
+    return e.kind == "drive" && e.text.find("the newest picture is") != std::string::npos;
+  }));
 }
 
 // A person at the page touches the floor beside the pedestal, draws a stroke with the button, and

@@ -2,7 +2,7 @@
 import { Acts, Tone } from './act/acts';
 import { Aimer } from './act/aim';
 import { Drive } from './act/drive';
-import { Held, watchLoss } from './act/held';
+import { Held, tokenPeriod, watchLoss } from './act/held';
 import { listenToKeys } from './act/keys';
 import { Pointer } from './act/pointer';
 import { Selecting } from './act/selecting';
@@ -105,6 +105,7 @@ class Page {
     }
     document.documentElement.dataset.drawn = this.stage.software ? 'software' : 'chip';
     setInterval(() => this.store.flush(), flushPeriod);
+    setInterval(() => this.held.greet(), tokenPeriod);
     new Headset(this.stage, this.aimer, this.tools, {
       said: text => say(text, 'refused'),
       stop: why => {
@@ -121,7 +122,8 @@ class Page {
       fps: this.stage.fps, frames: this.stage.frames, triangles: this.mesh.triangles,
       blocks: this.mesh.blocks, damaged: this.store.damaged, messages: this.store.messages,
       answerP95: quantile(this.link.answerTimes, 0.95),
-      meshP95: quantile(this.meshTimes, 0.95), renderer: this.stage.rendererName,
+      meshP95: quantile(this.meshTimes, 0.95), roundTrip: this.store.clock.roundTrip,
+      renderer: this.stage.rendererName,
       geometries: this.stage.renderer.info.memory.geometries,
       textures: this.stage.renderer.info.memory.textures,
     };
@@ -140,7 +142,8 @@ class Page {
     store.on('mesh', (delta, head) => {
       this.mesh.take(delta);
       this.stage.touch();
-      this.meshTimes.push(1000 * store.behind(head));
+      const behind = store.behind(head);
+      if (Number.isFinite(behind)) this.meshTimes.push(1000 * behind);
       if (this.meshTimes.length > mostTimes) this.meshTimes.shift();
     });
     this.mesh.onApplied = sequence => window.teletact?.applied?.(sequence);

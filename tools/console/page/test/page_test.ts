@@ -3,6 +3,7 @@
 import './quantiles';
 import './readers';
 import './held';
+import './picture_age';
 import './drawing';
 import './acts';
 import './sessions';

@@ -59,7 +59,7 @@ export class TwinBox {
   constructor(private readonly site: string, seed = 1) {
     this.bodies = makeBodies(seed);
     this.desk = new Desk(this.plant, this.bodies, () => this.shot.ids, lens,
-      (text, kind) => this.note(text, kind));
+      () => this.plant.time - this.shotTime, (text, kind) => this.note(text, kind));
     this.plant.onEvent = (text, kind) => this.note(text, kind);
     this.server = createServer((request, response) => void this.answer(request, response));
     this.server.on('upgrade', (request, socket, head) => {
@@ -196,8 +196,14 @@ export class TwinBox {
     } catch {
       return;
     }
-    this.intents.push(intent);
+    if (intent.act === 'token' && typeof intent.t === 'number') {
+      const echo = { id: intent.id, ok: true, result: { t: intent.t } };
+      socket.send(this.made(7, Buffer.from(JSON.stringify(echo)), -1));
+    }
+    const idle = intent.act === 'token' && (intent.holds as string[])?.length === 0;
+    if (!idle) this.intents.push(intent);
     if (this.intents.length > keptIntents) this.intents.shift();
+    if (session.role === 'viewer' && idle) return;
     const reply = session.role === 'viewer' && intent.act !== 'stop'
       ? { ok: false, why: 'only the operator may act', quiet: false } : this.desk.take(intent);
     if (reply.quiet) return;
@@ -214,7 +220,8 @@ export class TwinBox {
   private made(kind: number, body: Buffer, data: number): Buffer {
     const sequence = (this.sequences.get(kind) ?? 0) + 1;
     this.sequences.set(kind, sequence);
-    return view(kind, sequence, this.plant.time, data, body);
+    const sincePlant = (performance.now() - this.last) / 1000;
+    return view(kind, sequence, this.plant.time + sincePlant, data, body);
   }
 
   private send(kind: number, body: Buffer, data: number): void {

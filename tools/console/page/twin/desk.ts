@@ -40,7 +40,8 @@ export class Desk {
 
   constructor(readonly plant: Plant, private readonly bodies: Body[],
     private readonly ids: () => Uint8Array, private readonly size: { width: number;
-      height: number }, private readonly note: (text: string, kind: string) => void) {}
+      height: number }, private readonly pictureAge: () => number,
+    private readonly note: (text: string, kind: string) => void) {}
 
   take(intent: Intent): Reply {
     const acts: Record<string, (i: Intent) => Reply> = {
@@ -87,6 +88,7 @@ export class Desk {
 
   private drive(i: Intent): Reply {
     if (!finite(i.vx, i.vy, i.wz)) return refused('speeds are numbers');
+    if (this.pictureAge() > 1) return refused('the newest picture is old');
     this.plant.drive([i.vx as number, i.vy as number, i.wz as number]);
     return { ok: true, quiet: true };
   }

@@ -60,13 +60,18 @@ export class Held {
     return false;
   }
 
+  // Nothing is held: its time alone, by which the page knows how old a picture is.
+  greet(): void { if (this.timer === null) this.send(); }
+
   private tick(): void {
     if (!this.awake()) return;
     this.lastTick = this.now();
     this.send();
   }
 
-  private send(): void { this.road.tell('token', { holds: [...this.holds] }); }
+  private send(): void {
+    this.road.tell('token', { holds: [...this.holds], t: performance.now() / 1000 });
+  }
 
   private rest(): void {
     if (this.holds.size > 0 || this.timer === null) return;

@@ -12,6 +12,7 @@ export interface OwnFigures {
   fps: number;
   answerP95: number | null;  // ms
   meshP95: number | null;    // ms
+  roundTrip: number | null;  // s, page to box and back
   triangles: number;
   damaged: number;
   renderer: string;
@@ -89,6 +90,8 @@ export class Health {
     this.own.show({
       Drawn: number(own.fps, 0, ' a second'),
       'Answer p95': number(own.answerP95, 0, ' ms'),
+      'Round trip to the box': number(own.roundTrip === null ? null : 1000 * own.roundTrip, 0,
+        ' ms'),
       'Mesh applied p95': number(own.meshP95, 0, ' ms'),
       Triangles: String(own.triangles),
       'Views not readable': String(own.damaged),

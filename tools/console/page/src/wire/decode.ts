@@ -50,6 +50,7 @@ export function readHead(bytes: ArrayBuffer): Head {
     sequence: view.getUint32(4, true),
     time: view.getFloat64(8, true),
     data: view.getFloat64(16, true),
+    made: -Infinity,
   };
 }
 

@@ -1,4 +1,5 @@
 // What the page knows now: the newest of each view, and who wants to hear of a new one.
+import { BoxClock } from './box_clock';
 import {
   readCostMap, readHead, readJson, readMesh, readMoving, readPicture, readPose, readSelection,
 } from './decode';
@@ -21,31 +22,6 @@ type Hear<T> = (value: T, head: Head) => void;
 
 const newestOnly = new Set<number>([Kind.text, Kind.pose, Kind.picture, Kind.costMap,
   Kind.moving]);
-const aheadSpan = 10;  // s
-
-// This page's clock minus the box's: the least of the last 10 to 20 s, for the quickest message was
-// late the least, and two clocks drift apart.
-class Ahead {
-  private since = -Infinity;
-  private now = Infinity;
-  private before = Infinity;
-
-  see(here: number, there: number): void {
-    if (here - this.since > aheadSpan) {
-      this.before = this.now;
-      this.now = Infinity;
-      this.since = here;
-    }
-    this.now = Math.min(this.now, here - there);
-  }
-
-  forget(): void {
-    this.since = -Infinity;
-    this.now = this.before = Infinity;
-  }
-
-  least(): number { return Math.min(this.now, this.before); }
-}
 
 export class Store {
   slow: Slow = {};
@@ -57,9 +33,11 @@ export class Store {
   selectionHead: Head | null = null;
   damaged = 0;   // views that could not be read
   messages = 0;
-  private readonly ahead = new Ahead();
+  readonly clock = new BoxClock();
   private readonly waiting = new Map<number, { head: Head; bytes: ArrayBuffer }>();
   private readonly hearers: { [K in keyof Topics]?: Hear<Topics[K]>[] } = {};
+
+  constructor(private readonly now = () => performance.now() / 1000) {}
 
   on<K extends keyof Topics>(topic: K, hear: Hear<Topics[K]>): void {
     const list = (this.hearers[topic] ??= []) as Hear<Topics[K]>[];
@@ -72,7 +50,7 @@ export class Store {
     ++this.messages;
     this.guarded(() => {
       const head = readHead(bytes);
-      this.ahead.see(performance.now() / 1000, head.time);
+      head.made = this.clock.madeAfter(head.time, this.now(), this.slow.clock !== 'real');
       if (newestOnly.has(head.kind)) this.waiting.set(head.kind, { head, bytes });
       else this.dispatch(head, bytes);
     });
@@ -86,21 +64,20 @@ export class Store {
 
   // A new connection may be to a box that was started again: its clock begins anew.
   reconnected(): void {
-    this.ahead.forget();
+    this.clock.forget();
     this.pictureHead = null;
   }
 
-  // Seconds since the picture was exposed, by the least delay seen; infinite without a picture.
+  // Seconds since the picture was exposed, at most: how old it was for the box when it was sent, and
+  // what has passed since then. Infinite where that is not known.
   pictureAge(): number {
     const head = this.pictureHead;
     if (!head || head.data < 0) return Infinity;
-    return Math.max(0, performance.now() / 1000 - this.ahead.least() - head.data);
+    return Math.max(0, head.time - head.data) + this.behind(head);
   }
 
-  // Seconds since a view was made, beyond the least delay seen.
-  behind(head: Head): number {
-    return performance.now() / 1000 - this.ahead.least() - head.time;
-  }
+  // Seconds since a view was made, at most.
+  behind(head: Head): number { return this.now() - head.made; }
 
   may(act: string): boolean {
     return this.slow.role !== 'viewer' && (!this.slow.can || this.slow.can.includes(act));
@@ -138,7 +115,7 @@ export class Store {
         this.say('moving', readMoving(bytes), head);
         break;
       case Kind.answer:
-        this.say('answer', readJson<Answer>(bytes), head);
+        this.answered(readJson<Answer>(bytes), head);
         break;
       case Kind.selection:
         this.selectionHead = head;
@@ -146,6 +123,12 @@ export class Store {
         break;
       default:  // of a later version of the box: not an error
     }
+  }
+
+  private answered(answer: Answer, head: Head): void {
+    const asked = answer.result?.t;  // of a token
+    if (typeof asked === 'number') this.clock.heard(asked, head.time, this.now());
+    else this.say('answer', answer, head);
   }
 
   private say<K extends keyof Topics>(topic: K, value: Topics[K], head: Head): void {

@@ -13,6 +13,7 @@ export interface Head {
   sequence: number;
   time: number;
   data: number;  // exposure or measurement of the oldest datum; below 0: none
+  made: number;  // not before, s of this page's clock; -Infinity: not known
 }
 
 export interface Pose {
