@@ -47,13 +47,23 @@ bool BrowserDoor::open(const std::string& url) {
   if (path_.empty()) return false;
   std::string program = "xdg-open", argument = path_;
   char* argv[] = {program.data(), argument.data(), nullptr};
-  pid_t pid = 0;
-  if (::posix_spawnp(&pid, "xdg-open", nullptr, nullptr, argv, environ) != 0) return false;
+  if (::posix_spawnp(&asked_, "xdg-open", nullptr, nullptr, argv, environ) != 0) {
+    asked_ = 0;
+    remove();
+    return false;
+  }
+  return true;
+}
+
+BrowserDoor::Asked BrowserDoor::look() noexcept {
+  if (asked_ == 0) return Asked::kNobody;
   int status = 0;
-  const bool shown =
-      ::waitpid(pid, &status, 0) == pid && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  const pid_t ended = ::waitpid(asked_, &status, WNOHANG);
+  if (ended == 0) return Asked::kRuns;
+  const bool shown = ended == asked_ && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  asked_ = 0;
   if (!shown) remove();
-  return shown;
+  return shown ? Asked::kShown : Asked::kFailed;
 }
 
 }  // namespace teletact

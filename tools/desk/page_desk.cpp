@@ -82,8 +82,12 @@ void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& sce
     std::printf("console: %s\n", url.c_str());
     std::fflush(stdout);
   }
-  if (options_.open_browser && !door_.open(url))
-    std::printf("--open: there is no desktop to open a browser on; open the address above\n");
+  if (options_.open_browser && !door_.open(url)) say_no_browser();
+}
+
+void PageDesk::say_no_browser() {
+  std::printf("--open: there is no desktop to open a browser on; open the address above\n");
+  std::fflush(stdout);
 }
 
 // Seconds of the box's clock, for what the server makes between two ticks. A simulated clock stands
@@ -103,7 +107,10 @@ void PageDesk::keep_clock(rt::Time now) {
 void PageDesk::tick(rt::Time now) {
   keep_clock(now);
   if (desk_) desk_->tick(now);
-  if (server_ && server_->viewers() > 0) door_.remove();  // it has led there
+  // It has led there; what a browser ends with afterwards is no failure.
+  const bool shown = server_ && server_->viewers() > 0;
+  if (shown) door_.remove();
+  if (door_.look() == BrowserDoor::Asked::kFailed && !shown) say_no_browser();
 }
 
 bool PageDesk::await_acts(rt::Nanos most) {

@@ -47,6 +47,7 @@ class PageDesk final : public PageHook {
   void shut();
   [[nodiscard]] double clock_s() const;
   void keep_clock(rt::Time now);
+  static void say_no_browser();
   void write_figures() const;
   void write_maps() const;
   [[nodiscard]] DeskPort port();

@@ -17,12 +17,12 @@ namespace fs = std::filesystem;
 
 struct Desktop {
   fs::path folder = fs::temp_directory_path() / ("teletact_door_" + std::to_string(::getpid()));
-  explicit Desktop(int status = 0) {
+  explicit Desktop(int status = 0, const std::string& before = "") {
     fs::create_directories(folder / "bin");
     const fs::path program = folder / "bin/xdg-open";
     std::ofstream(program) << "#!/bin/sh\nprintf '%s' \"$*\" > " << (folder / "argv").string()
-                           << "\ncp \"$1\" " << (folder / "shown").string() << "\nexit " << status
-                           << "\n";
+                           << "\ncp \"$1\" " << (folder / "shown").string() << "\n"
+                           << before << "exit " << status << "\n";
     fs::permissions(program, fs::perms::owner_all);
     ::setenv("PATH", ((folder / "bin").string() + ":/usr/bin:/bin").c_str(), 1);
     ::setenv("XDG_RUNTIME_DIR", folder.c_str(), 1);
@@ -36,13 +36,27 @@ struct Desktop {
   }
 };
 
+using Asked = teletact::BrowserDoor::Asked;
+
+// How the program that was asked has ended.
+Asked end_of(teletact::BrowserDoor& door) {
+  Asked asked = Asked::kRuns;
+  for (int i = 0; i < 8000 && asked == Asked::kRuns; ++i) {
+    ::usleep(5000);
+    asked = door.look();
+  }
+  return asked;
+}
+
 constexpr const char* kUrl = "http://127.0.0.1:4711/#code=5ec2e7";
 
 TEST(BrowserDoor, LeadsThereForThisUserAloneAndIsRemoved) {
   const Desktop d;
   {
     teletact::BrowserDoor door;
+    EXPECT_EQ(door.look(), Asked::kNobody);
     ASSERT_TRUE(door.open(kUrl));
+    EXPECT_EQ(end_of(door), Asked::kShown);
     struct stat s {};
     ASSERT_EQ(::stat(d.door().c_str(), &s), 0);
     EXPECT_EQ(s.st_mode & 0777U, 0600U);
@@ -51,6 +65,7 @@ TEST(BrowserDoor, LeadsThereForThisUserAloneAndIsRemoved) {
     door.remove();
     EXPECT_FALSE(fs::exists(d.door()));
     ASSERT_TRUE(door.open(kUrl));
+    EXPECT_EQ(end_of(door), Asked::kShown);
     EXPECT_TRUE(fs::exists(d.door()));
   }
   EXPECT_FALSE(fs::exists(d.door())) << "the run has ended";
@@ -58,6 +73,29 @@ TEST(BrowserDoor, LeadsThereForThisUserAloneAndIsRemoved) {
 
 TEST(BrowserDoor, IsRemovedWhereTheBrowserDoesNotStart) {
   const Desktop d(3);
+  teletact::BrowserDoor door;
+  ASSERT_TRUE(door.open(kUrl));
+  EXPECT_EQ(end_of(door), Asked::kFailed);
+  EXPECT_EQ(door.look(), Asked::kNobody);
+  EXPECT_FALSE(fs::exists(d.door()));
+}
+
+// On Debian without a desktop the program is the browser itself: the run goes on meanwhile.
+TEST(BrowserDoor, DoesNotWaitForABrowserThatGoesOn) {
+  const Desktop d(
+      0, "while [ -e \"$1\" ] && [ ! -e \"$XDG_RUNTIME_DIR/closed\" ]; do sleep 0.02; done\n");
+  teletact::BrowserDoor door;
+  ASSERT_TRUE(door.open(kUrl)) << "and comes back, or this test ends by its time";
+  for (int i = 0; i < 8000 && !fs::exists(d.folder / "shown"); ++i) ::usleep(5000);
+  EXPECT_EQ(door.look(), Asked::kRuns);
+  std::ofstream(d.folder / "closed") << "x";
+  EXPECT_EQ(end_of(door), Asked::kShown);
+}
+
+TEST(BrowserDoor, WithNothingToAskThereIsNone) {
+  const Desktop d;
+  fs::remove(d.folder / "bin/xdg-open");
+  ::setenv("PATH", (d.folder / "bin").c_str(), 1);
   teletact::BrowserDoor door;
   EXPECT_FALSE(door.open(kUrl));
   EXPECT_FALSE(fs::exists(d.door()));
