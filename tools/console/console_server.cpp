@@ -47,8 +47,9 @@ class ConsoleServer::Impl {
   std::string host;  // of the address that is printed
 };
 
-rt::Result<std::unique_ptr<ConsoleServer>> ConsoleServer::start(const ConsoleOptions& options,
-                                                                ConsoleCallbacks callbacks) {
+// All but the thread: what is wrong is said here.
+rt::Result<std::unique_ptr<ConsoleServer::Impl>> ConsoleServer::prepare(
+    const ConsoleOptions& options, ConsoleCallbacks callbacks) {
   boost::system::error_code failed;
   const auto at = boost::asio::ip::make_address(options.address, failed);
   if (const std::string bad = problem_of(options, at, !failed); !bad.empty()) return rt::Error{bad};
@@ -70,6 +71,20 @@ rt::Result<std::unique_ptr<ConsoleServer>> ConsoleServer::start(const ConsoleOpt
                : at.is_unspecified()  ? "localhost"
                : at.is_v6()           ? "[" + options.address + "]"
                                       : options.address;
+  return impl;
+}
+
+std::string ConsoleServer::problem(const ConsoleOptions& options) {
+  const auto prepared = prepare(options, {});
+  return prepared ? std::string() : prepared.error();
+}
+
+rt::Result<std::unique_ptr<ConsoleServer>> ConsoleServer::start(const ConsoleOptions& options,
+                                                                ConsoleCallbacks callbacks) {
+  auto prepared = prepare(options, std::move(callbacks));
+  if (!prepared) return rt::Error{prepared.error()};
+  auto impl = std::move(prepared).value();
+  ServerCore& core = impl->core;
   // Signals are for the threads that wait for them.
   sigset_t all, before;
   sigfillset(&all);

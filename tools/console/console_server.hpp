@@ -85,6 +85,9 @@ struct ConsoleCallbacks {
 
 class ConsoleServer {
  public:
+  // Empty, or the line with which start() would refuse now: for whoever has long work before it. The
+  // port is tried and let go again.
+  [[nodiscard]] static std::string problem(const ConsoleOptions& options);
   // Listens and starts the thread. One line says what is wrong: folder, address, keys.
   [[nodiscard]] static rt::Result<std::unique_ptr<ConsoleServer>> start(
       const ConsoleOptions& options, ConsoleCallbacks callbacks);
@@ -127,6 +130,8 @@ class ConsoleServer {
 
  private:
   class Impl;
+  [[nodiscard]] static rt::Result<std::unique_ptr<Impl>> prepare(const ConsoleOptions& options,
+                                                                 ConsoleCallbacks callbacks);
   explicit ConsoleServer(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };

@@ -127,6 +127,9 @@ std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const 
   page.server.address = w.address;
   page.server.keys = w.keys;
   page.server.names = w.names;
+  // Said now: a calibration may come before the server starts.
+  if (const std::string why = ConsoleServer::problem(page.server); !why.empty())
+    throw std::runtime_error("--console: " + why);
   page.desk.device = scene.choice.kind;
   page.desk.log = o.report + "/raw/console.log";
   page.figures = o.report + "/raw/console.json";

@@ -29,7 +29,7 @@ void add_console_options(CLI::App& app, ConsoleWords& words);
 void prepare_console(const ConsoleWords& words, bool scene_given, std::string& scene_name,
                      DemoOptions& options);
 // Null: nobody asked for one. Changes the scene: no script moves the hand. Throws
-// std::runtime_error where the page is not there.
+// std::runtime_error where the page is not there, or its server would not start.
 [[nodiscard]] std::unique_ptr<PageDesk> console_of(const ConsoleWords& words, Scene& scene,
                                                    const DemoOptions& options);
 

@@ -207,5 +207,32 @@ TEST_F(Console, SetUpThatIsWrongIsOneLine) {
   EXPECT_THAT(error([&](auto& o) { o.port = server_->port(); }), HasSubstr("in use"));
 }
 
+// Before a run has measured for half a minute what it never starts.
+TEST_F(Console, WhatWouldNotStartIsKnownBefore) {
+  using teletact::ConsoleServer;
+  EXPECT_EQ(ConsoleServer::problem(options_), "");
+  const auto why = [&](auto change) {
+    teletact::ConsoleOptions o = options_;
+    change(o);
+    const std::string said = ConsoleServer::problem(o);
+    const auto made = ConsoleServer::start(o, callbacks_);
+    EXPECT_EQ(made ? std::string() : made.error(), said);
+    return said;
+  };
+  EXPECT_THAT(why([](auto& o) { o.address = "0.0.0.0"; }), HasSubstr("keys are needed"));
+  EXPECT_THAT(why([](auto& o) { o.address = "here"; }), HasSubstr("numeric"));
+  EXPECT_THAT(why([](auto& o) { o.page_folder += "/none"; }), HasSubstr("page folder"));
+  EXPECT_THAT(why([&](auto& o) { o.keys = folder_.path; }), HasSubstr(folder_.path));
+  start();
+  const int taken = server_->port();
+  EXPECT_THAT(why([&](auto& o) { o.port = taken; }), HasSubstr("Address already in use"));
+  // A port that was tried is free again.
+  server_.reset();
+  options_.port = taken;
+  EXPECT_EQ(ConsoleServer::problem(options_), "");
+  start();
+  EXPECT_EQ(server_->port(), taken);
+}
+
 }  // namespace
 }  // namespace console_test
