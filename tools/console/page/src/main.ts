@@ -38,7 +38,10 @@ const panelsLatest = 500;  // ms: then also without a frame
 const flushPeriod = 33;    // ms: at the rate of poses, also while nothing is drawn
 const mostTimes = 256;     // of the mesh, for its percentile
 
+let alsoSay: (text: string) => void = () => {};  // to whoever wears a headset
+
 function say(text: string, tone: Tone): void {
+  alsoSay(text);
   const toast = h('div', { class: `toast ${tone}` }, text);
   by('toasts').append(toast);
   while (by('toasts').children.length > mostToasts) by('toasts').firstElementChild!.remove();
@@ -77,6 +80,15 @@ class Page {
   readonly session = new Session(this.acts, this.store, this.stage, {
     surface: this.mesh.group, 'live picture': this.picture.points, 'cost map': this.floor.cost,
     robot: this.robot.group, hand: this.hand.group }, () => this.themed());
+  readonly headset = new Headset(this.stage, this.aimer, this.tools, {
+    said: text => say(text, 'refused'),
+    stop: why => {
+      this.held.lose(why);
+      this.acts.stop();
+    },
+    toolText: () => this.rail.toolText,
+    nextTool: step => this.rail.next(step),
+  });
   readonly showTab: (name: string) => void;
   private readonly meshTimes: number[] = [];
   private panelsShown = 0;
@@ -106,13 +118,7 @@ class Page {
     document.documentElement.dataset.drawn = this.stage.software ? 'software' : 'chip';
     setInterval(() => this.store.flush(), flushPeriod);
     setInterval(() => this.held.greet(), tokenPeriod);
-    new Headset(this.stage, this.aimer, this.tools, {
-      said: text => say(text, 'refused'),
-      stop: why => {
-        this.held.lose(why);
-        this.acts.stop();
-      },
-    });
+    alsoSay = text => this.headset.tell(text);
     void this.link.start();
   }
 
@@ -125,7 +131,7 @@ class Page {
       meshP95: quantile(this.meshTimes, 0.95), roundTrip: this.store.clock.roundTrip,
       renderer: this.stage.rendererName,
       geometries: this.stage.renderer.info.memory.geometries,
-      textures: this.stage.renderer.info.memory.textures,
+      textures: this.stage.renderer.info.memory.textures, headset: this.headset.labelText,
     };
   }
 

@@ -36,9 +36,44 @@ test('a controller marks the floor, and the end of the session stops', async () 
   await until('the mark', () => twin.count('mark') > marks);
   const points = twin.newest('mark')!.points as number[][];
   assert.ok(Math.abs(points[0]![2]!) < 0.05, `on the floor: ${points[0]!.join()}`);
+  // The grip stops, however often; the stick takes the next tool; the label says so.
+  const label = () => page.evaluate(() => (window.teletact.figures() as { headset: string }).headset);
+  const press = async (button: string) => {
+    for (const value of [1, 0]) {
+      await page.evaluate(`${device}.controllers.right.updateButtonValue('${button}', ${value})`);
+      await page.waitForTimeout(300);
+    }
+  };
+  assert.match(await label(), /^Mark/);
+  const grip = twin.stops;
+  await press('squeeze');
+  await until('the stop of the grip', () => twin.stops > grip);
+  await until('its answer at the controller', async () => (await label()).includes('ramps down'));
+  const push = async (x: number) => {
+    await page.evaluate(`${device}.controllers.right.updateAxes('thumbstick', ${x}, 0)`);
+    await page.waitForTimeout(300);
+  };
+  await push(1);
+  await until('the next tool', async () => (await label()).startsWith('Object'));
+  await push(0.5);
+  await push(1);  // not let go between
+  assert.match(await label(), /^Object/);
+  await push(0);
+  await push(-1);
+  await push(0);
+  await until('the one before', async () => (await label()).startsWith('Mark'));
+  assert.equal(await page.getAttribute('#rail button:has-text("Mark")', 'aria-pressed'), 'true');
   const stops = twin.stops;
   await page.evaluate(`void ${device}.activeSession.end()`);
   await until('the stop', () => twin.stops > stops);
+  // A second session, with the same controllers: a push is still one tool.
+  await page.click('.headset:has-text("VR")', { force: true });
+  await until('the session', () => page.evaluate(`!!${device}.activeSession`));
+  await page.waitForTimeout(300);
+  await push(1);
+  await push(0);
+  await until('one tool further', async () => (await label()).startsWith('Object'));
+  await page.evaluate(`void ${device}.activeSession.end()`);
   assert.deepEqual(desk.errors, []);
   await other.close();
 });

@@ -7,4 +7,6 @@ import './picture_age';
 import './drawing';
 import './acts';
 import './sessions';
+import './panels';
+import './sizes';
 import './headset';

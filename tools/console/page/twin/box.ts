@@ -42,6 +42,7 @@ export class TwinBox {
   readonly intents: Intent[] = [];
   pictures = true;     // off: the camera's picture freezes
   stops = 0;
+  clock: 'real' | 'paced' = 'real';
   private shot: Shot = { body: Buffer.alloc(0), ids: new Uint8Array(lens.width * lens.height) };
   private shotTime = -1;
   private shotFrom = '';
@@ -300,7 +301,7 @@ export class TwinBox {
     const task = (name: string, box: string, hz: number, late: number, cpu: number) => ({ name, box,
       hz, late_p95_us: late, cpu_ms: cpu, cpu_share: cpu * hz / 1000, misses: 0 });
     const slow = {
-      version: 'twin', operator_name: 'operator 1', clock: 'real', mode: p.mode,
+      version: 'twin', operator_name: 'operator 1', clock: this.clock, mode: p.mode,
       mode_cause: p.cause, robot_mode: p.mode, phase: p.phase, link, tracking: 'tracking',
       ...(p.off < 0 ? {} : { goal: { off_m: p.off, short: p.short,
         text: p.short ? `${p.off.toFixed(2)} m short of the goal` : '' } }),

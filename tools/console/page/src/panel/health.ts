@@ -41,6 +41,9 @@ export class Health {
   private readonly link = new Facts();
   private readonly device = new Facts();
   private readonly own = new Facts();
+  private readonly modelled = h('p', { class: 'none', hidden: true },
+    'Simulated clock: lateness, CPU and misses, and the figures of the link, are those of the '
+    + "run's model. Nothing of them was measured on this machine.");
   private readonly scale = h('input', { type: 'number', min: '0.1', max: '20', step: '0.1',
     'aria-label': 'Scene metres for a metre of the hand' });
 
@@ -53,7 +56,7 @@ export class Health {
     const head = h('tr', {}, ...['task', 'late us', 'CPU ms', '%', 'missed', 'whose']
       .map(text => h('th', { scope: 'col' }, text)));
     this.pane.append(h('h3', {}, 'Faults'), faultList, h('h3', {}, 'Link to the robot'),
-      this.link.element, h('h3', {}, 'Timing'), h('table', {}, h('thead', {}, head), body),
+      this.link.element, h('h3', {}, 'Timing'), this.modelled, h('table', {}, h('thead', {}, head), body),
       h('h3', {}, 'Haptic device'), this.device.element, this.deviceForm(),
       h('h3', {}, 'This page'), this.own.element);
   }
@@ -75,6 +78,7 @@ export class Health {
       Bus: typeof slow.bus === 'string' ? slow.bus
         : slow.bus ? JSON.stringify(slow.bus) : 'unknown',
     });
+    this.modelled.hidden = slow.clock !== 'paced';
     this.tasks.show(slow.tasks ?? []);
     const device = slow.device;
     this.device.show({

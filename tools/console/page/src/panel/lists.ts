@@ -5,6 +5,7 @@ import { Choice, objectName, ThingsLayer } from '../view/things_layer';
 import { Store } from '../wire/store';
 import { Obstacle, SceneObject, Vec3 } from '../wire/types';
 import { button, h, number, Rows, setText } from './dom';
+import { Moving, moving } from './moving';
 
 interface Place { key: string; name: string; where: string; at: Vec3 | null; goes: boolean }
 
@@ -19,6 +20,7 @@ export class Lists {
   private readonly places: Rows<Place>;
   private readonly obstacles: Rows<Obstacle>;
   private readonly objects: Rows<SceneObject>;
+  private readonly moving: Rows<Moving & { key: string }>;
   private readonly marks: Rows<{ id: number; points: Vec3[] }>;
   private choice: Choice = null;
 
@@ -35,6 +37,8 @@ export class Lists {
     this.obstacles = new Rows(section('Keep-outs'), 'None.', o => String(o.id),
       () => this.obstacleRow());
     this.marks = new Rows(section('Marks'), 'None yet.', m => String(m.id), () => this.markRow());
+    this.moving = new Rows<Moving & { key: string }>(section('What moves'), 'Nothing.',
+      m => m.key, () => this.movingRow());
     this.pane.append(h('h3', {}, 'By numbers'), this.goForm(),
       h('div', { class: 'buttons' },
         button('New keep-out', () => acts.draw({ id: acts.nextObstacleId(), kind: 'disc',
@@ -68,6 +72,8 @@ export class Lists {
     this.objects.show(slow.objects ?? []);
     this.obstacles.show(slow.obstacles ?? []);
     this.marks.show(slow.marks ?? []);
+    this.moving.show(moving(this.store.moving, this.store.costMap?.resolution)
+      .map((m, i) => ({ ...m, key: String(i) })));
   }
 
   private ahead(): Vec3 {
@@ -124,6 +130,16 @@ export class Lists {
       mark = m;
       setText(title, `Mark ${m.id}`);
       setText(more, `${m.points.length} points from ${words(m.points[0] ?? null)}`);
+    } };
+  }
+
+  private movingRow() {
+    let at: Vec3 | null = null;
+    const { element, title, more } = this.row(() => [this.look(() => at), this.goButton(() => at)]);
+    return { element, update: (m: Moving) => {
+      at = [m.x, m.y, 0];
+      setText(title, 'Moves');
+      setText(more, `${m.width.toFixed(2)} m wide at ${m.x.toFixed(2)}, ${m.y.toFixed(2)} m`);
     } };
   }
 

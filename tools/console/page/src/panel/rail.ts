@@ -55,6 +55,20 @@ export class Rail {
     this.show(true);
   }
 
+  // With a controller in the hand: the tools that act.
+  next(step: 1 | -1): void {
+    const acting = entries.filter(entry => entry.name !== 'look');
+    const at = acting.findIndex(entry => entry.name === this.tools.name);
+    const to = at < 0 ? (step > 0 ? 0 : acting.length - 1)
+      : (at + step + acting.length) % acting.length;
+    this.choose(acting[to]!.name);
+  }
+
+  get toolText(): string {
+    const why = this.tools.blocked(this.tools.name);
+    return entries.find(e => e.name === this.tools.name)!.text + (why ? `: ${why}` : '');
+  }
+
   look(look: Look): void {
     this.stage.setLook(look, this.store.pose);
     for (const [name, b] of this.lookButtons) b.setAttribute('aria-pressed', String(name === look));

@@ -1,28 +1,68 @@
 // A headset or a handheld AR browser, where one is offered; elsewhere nothing is seen of it. The
-// same scene; a controller is the hand: its ray points, its trigger presses. The loss of the
-// session lets go of all that is held and stops the base.
+// same scene; a controller is the hand: its ray points, its trigger presses, its grip stops, its
+// thumbstick takes the next tool. A label at it says which tool, and what the box has answered. The
+// loss of the session lets go of all that is held and stops the base.
 import * as THREE from 'three';
 import { Aimer } from '../act/aim';
 import { Tools } from '../act/tools';
 import { button, by } from '../panel/dom';
-import { palette } from './shapes';
+import { clear, label, palette } from './shapes';
 import { Stage } from './stage';
 
-const rayLength = 4;  // m
+const rayLength = 4;     // m
+const lineHeight = 0.022;  // m between lines of the label
+const pushed = 0.7;      // of a thumbstick's way: a tool further
+const centred = 0.3;     // before the next one counts
+const answerFor = 4000;  // ms that an answer stands on the label
+const how = 'grip: STOP, stick: tool';
 
 export interface HeadsetEvents {
   stop: (why: string) => void;
   said: (text: string) => void;
+  toolText: () => string;
+  nextTool: (step: 1 | -1) => void;
+}
+
+// What a person sees at the controller, who sees nothing of the page.
+class Label {
+  readonly group = new THREE.Group();
+  text = '';
+
+  constructor() { this.group.position.set(0, 0.06, -0.08); }
+
+  show(lines: string[]): void {
+    const text = lines.join('\n');
+    if (text === this.text) return;
+    this.text = text;
+    clear(this.group);
+    lines.forEach((line, i) => {
+      const sprite = label(line);
+      sprite.position.y = lineHeight * (lines.length - i);
+      this.group.add(sprite);
+    });
+  }
 }
 
 export class Headset {
   private session: XRSession | null = null;
+  private controllers: THREE.Group[] | null = null;
+  private readonly labels: Label[] = [];
+  private answer = '';
+  private answered = -Infinity;
 
   constructor(private readonly stage: Stage, private readonly aimer: Aimer,
     private readonly tools: Tools, private readonly events: HeadsetEvents) {
     void this.offer('immersive-vr', 'VR');
     void this.offer('immersive-ar', 'AR');
   }
+
+  // An answer of the box, for whoever sees no page.
+  tell(text: string): void {
+    this.answer = text;
+    this.answered = performance.now();
+  }
+
+  get labelText(): string { return this.labels[0]?.text ?? ''; }
 
   private async offer(mode: XRSessionMode, text: string): Promise<void> {
     if (!await navigator.xr?.isSessionSupported(mode).catch(() => false)) return;
@@ -54,7 +94,8 @@ export class Headset {
     renderer.xr.enabled = true;
     renderer.xr.setReferenceSpaceType('local-floor');
     await renderer.xr.setSession(session);
-    const controllers = [0, 1].map(i => this.controller(i));
+    const controllers = this.controllers ??= [0, 1].map(i => this.controller(i));
+    rig.add(...controllers);
     session.addEventListener('visibilitychange', () => {
       if (session.visibilityState !== 'visible') this.events.stop('the headset hid the scene');
     });
@@ -77,8 +118,14 @@ export class Headset {
     const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(
       [new THREE.Vector3(), new THREE.Vector3(0, 0, -rayLength)]),
       new THREE.LineBasicMaterial({ color: palette.yellow }));
-    controller.add(line);
+    const label = new Label();
+    this.labels.push(label);
+    controller.add(line, label.group);
     let held = false;
+    let source: XRInputSource | null = null;
+    let stickFree = true;
+    controller.addEventListener('connected', event => { source = event.data; });
+    controller.addEventListener('squeezestart', () => this.events.stop('the grip was pressed'));
     controller.addEventListener('selectstart', () => {
       if (this.tools.busy) return;
       held = this.tools.down(this.aimer.along(this.ray(controller)));
@@ -90,12 +137,22 @@ export class Headset {
     controller.addEventListener('disconnected', () => {
       if (held) this.tools.cancel();
       held = false;
+      source = null;
     });
     this.stage.beforeFrame(() => {
+      if (!this.session) return;
+      const push = source?.gamepad?.axes[2] ?? 0;  // of the mapping xr-standard
+      if (stickFree && !held && Math.abs(push) > pushed) this.events.nextTool(push > 0 ? 1 : -1);
+      stickFree = Math.abs(push) < (stickFree ? pushed : centred);
+      label.show(this.lines());
       if (held && this.tools.busy) this.tools.move(this.aimer.along(this.ray(controller)));
     });
-    this.stage.rig.add(controller);
     return controller;
+  }
+
+  private lines(): string[] {
+    const fresh = performance.now() - this.answered < answerFor;
+    return [this.events.toolText(), fresh ? this.answer : how];
   }
 
   private ray(controller: THREE.Group): THREE.Ray {

@@ -29,6 +29,7 @@ export class Store {
   picture: Picture | null = null;
   pictureHead: Head | null = null;
   costMap: CostMap | null = null;
+  moving: [number, number][] = [];
   selection: Selection | null = null;
   selectionHead: Head | null = null;
   damaged = 0;   // views that could not be read
@@ -112,7 +113,7 @@ export class Store {
         this.say('costMap', this.costMap = readCostMap(bytes), head);
         break;
       case Kind.moving:
-        this.say('moving', readMoving(bytes), head);
+        this.say('moving', this.moving = readMoving(bytes), head);
         break;
       case Kind.answer:
         this.answered(readJson<Answer>(bytes), head);
