@@ -74,8 +74,8 @@ int cmd_segment(int argc, char** argv) {
   depth->needs(app.add_option("--intrinsics", o.intrinsics, "fx,fy,cx,cy in px")->needs(depth));
   app.add_option("--touch", o.touches, "pixel x,y; repeat for more objects");
   app.add_option("--not", o.nots,
-                 "pixel x,y that is not of the object; all touches name one object");
-  app.add_flag("--one-object", o.one_object, "all touches name one object");
+                 "pixel x,y that is not of the object; all touches name one object; needs --depth");
+  app.add_flag("--one-object", o.one_object, "all touches name one object; needs --depth");
   app.add_flag("--whole", o.whole, "segment the whole image");
   app.add_option("--method", o.method, "default | paper")
       ->check(CLI::IsMember({"default", "paper"}))
