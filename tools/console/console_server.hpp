@@ -85,8 +85,8 @@ struct ConsoleCallbacks {
 
 class ConsoleServer {
  public:
-  // Empty, or the line with which start() would refuse now: for whoever has long work before it. The
-  // port is tried and let go again.
+  // Empty, or the line with which start() would refuse now: for whoever has long work before it.
+  // The port is tried and let go again.
   [[nodiscard]] static std::string problem(const ConsoleOptions& options);
   // Listens and starts the thread. One line says what is wrong: folder, address, keys.
   [[nodiscard]] static rt::Result<std::unique_ptr<ConsoleServer>> start(

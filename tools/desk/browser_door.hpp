@@ -2,8 +2,8 @@
 // (0600, in XDG_RUNTIME_DIR), since a program's arguments are there for every user to see. It is
 // removed when it has led somebody there, at the latest with this object.
 //
-// The program that is asked may be the browser itself, which ends when its window is closed: nothing
-// waits for it.
+// The program that is asked may be the browser itself, which ends when its window is closed:
+// nothing waits for it.
 #pragma once
 
 #include <sys/types.h>

@@ -25,8 +25,8 @@ std::string two_digits(double v) {
   return text;
 }
 
-// Why nobody may drive by what this box has seen: the page locks driving by the same limit, but what
-// a page says may be wrong. Empty: the newest picture is new enough.
+// Why nobody may drive by what this box has seen: the page locks driving by the same limit, but
+// what a page says may be wrong. Empty: the newest picture is new enough.
 std::string blind_text(OperatorBox& box, rt::Time now) {
   constexpr rt::Nanos kBlind = std::chrono::seconds{1};
   const auto frame = box.graph().cells().read<tasks::EdgeId::kFrame, tasks::kConsole>();

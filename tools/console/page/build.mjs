@@ -1,5 +1,5 @@
 // Bundles the page: build.mjs --site FOLDER; with --tests the twin, the tests, the bench's part in
-// the browser and the film too, into run/.
+// the browser, the film and the pictures too, into run/.
 import { build } from 'esbuild';
 import { cpSync, mkdirSync } from 'node:fs';
 
@@ -14,7 +14,7 @@ await build({ entryPoints: ['src/main.ts'], outfile: `${site}/page.js`, bundle: 
 for (const file of ['index.html', 'style.css', 'icon.svg']) cpSync(file, `${site}/${file}`);
 if (words.includes('--tests')) {
   const programs = { twin: 'twin/twin_main', page_test: 'test/page_test',
-    measure: 'test/measure', film: 'test/film' };
+    measure: 'test/measure', film: 'test/film', pictures: 'test/pictures' };
   for (const [name, file] of Object.entries(programs)) {
     await build({ ...node, entryPoints: [`${file}.ts`], outfile: `run/${name}.mjs` });
   }

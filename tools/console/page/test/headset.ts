@@ -37,7 +37,8 @@ test('a controller marks the floor, and the end of the session stops', async () 
   const points = twin.newest('mark')!.points as number[][];
   assert.ok(Math.abs(points[0]![2]!) < 0.05, `on the floor: ${points[0]!.join()}`);
   // The grip stops, however often; the stick takes the next tool; the label says so.
-  const label = () => page.evaluate(() => (window.teletact.figures() as { headset: string }).headset);
+  const label = () => page.evaluate(() =>
+    (window.teletact.figures() as { headset: string }).headset);
   const press = async (button: string) => {
     for (const value of [1, 0]) {
       await page.evaluate(`${device}.controllers.right.updateButtonValue('${button}', ${value})`);

@@ -1,4 +1,4 @@
-// How old the page says that a picture is, without a browser: box, line and both clocks are the test's.
+// How old the page says that a picture is, without a browser: box, line and clocks are the test's.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Store } from '../src/wire/store';
@@ -18,8 +18,8 @@ interface Line {
 
 interface Shown { t: number; age: number; true: number }
 
-// Events in order of true time, which is the page's clock too; what is shown just before each picture is
-// replaced, at its oldest.
+// Events in order of true time, which is the page's clock too; what is shown just before each
+// picture is replaced, at its oldest.
 function play(line: Line, seconds: number, offset = 0): Shown[] {
   const { clock, box, up = () => 0.004, down = () => 0.004 } = line;
   let now = 0;
@@ -66,7 +66,7 @@ test('a quick line and clocks that agree in nothing but their rate: the age is t
   assert.ok(least(shown) > -0.001 && most(shown) < 0.006, `${least(shown)} ${most(shown)}`);
 });
 
-test('a simulated clock slower than real time, now more and now less: a live picture is live', () => {
+test('a simulated clock, slower than real time now more and now less: live is live', () => {
   // At .55 and .15 of real time, in turn.
   const box = (t: number) => 0.35 * t + 0.1 * Math.sin(2 * t);
   const shown = play({ clock: 'paced', box }, 40);
@@ -83,7 +83,8 @@ test('a simulated clock that catches up hides nothing', () => {
   // Stands for 90 ms of each second, then makes up for it at three times the rate.
   const box = (t: number) => {
     const part = t % 1;
-    return t - part + (part < 0.8 ? part : part < 0.89 ? 0.8 : Math.min(part, 0.8 + 3 * (part - 0.89)));
+    const after = Math.min(part, 0.8 + 3 * (part - 0.89));
+    return t - part + (part < 0.8 ? part : part < 0.89 ? 0.8 : after);
   };
   const shown = play({ clock: 'paced', box }, 20);
   const since = shown.map(s => s.age - exposed - (s.true - exposed));
@@ -93,7 +94,7 @@ test('a simulated clock that catches up hides nothing', () => {
 
 for (const clock of ['real', 'paced'] as const) {
   for (const late of [2, 5]) {
-    test(`a line that is always ${late} s late, ${clock} clock: shown so, from the first on`, () => {
+    test(`a line that is always ${late} s late, ${clock} clock: shown so at once`, () => {
       const shown = play({ clock, box: t => t + 50, down: () => late }, 60);
       assert.ok(shown.length > 300);
       assert.ok(least(shown) > -0.001, `${least(shown)}`);

@@ -33,7 +33,8 @@ async function check(from: Browser, width: number, height: number, touch: boolea
   await until('live', () => page.evaluate(() =>
     document.getElementById('inset')!.classList.contains('fresh')));
   for (const tool of tools) {
-    await page.locator(`#rail button:has-text("${tool}")`).evaluate(b => (b as HTMLElement).click());
+    await page.locator(`#rail button:has-text("${tool}")`)
+      .evaluate(b => (b as HTMLElement).click());
     const seen = await boxes(desk, panels);
     const view = (await boxes(desk, ['#view']))[0]!;
     assert.ok(seen.length >= 4, seen.map(b => b.name).join());

@@ -56,7 +56,8 @@ export class Health {
     const head = h('tr', {}, ...['task', 'late us', 'CPU ms', '%', 'missed', 'whose']
       .map(text => h('th', { scope: 'col' }, text)));
     this.pane.append(h('h3', {}, 'Faults'), faultList, h('h3', {}, 'Link to the robot'),
-      this.link.element, h('h3', {}, 'Timing'), this.modelled, h('table', {}, h('thead', {}, head), body),
+      this.link.element, h('h3', {}, 'Timing'), this.modelled,
+      h('table', {}, h('thead', {}, head), body),
       h('h3', {}, 'Haptic device'), this.device.element, this.deviceForm(),
       h('h3', {}, 'This page'), this.own.element);
   }

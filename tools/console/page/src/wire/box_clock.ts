@@ -1,7 +1,7 @@
-// When the box made a view, by this page's clock. Each token carries the page's time and the box says
-// it back in a message with the box's own time: what the box makes after that was made after the page
-// had asked. So a line that is late shows as late from the first message on, and neither clock has to
-// be right.
+// When the box made a view, by this page's clock. Each token carries the page's time and the box
+// says it back in a message with the box's own time: what the box makes after that was made after
+// the page had asked. So a line that is late shows as late from the first message on, and neither
+// clock has to be right.
 //
 // A box on the real clock runs at the page's rate, so the best of the newest echoes counts. A paced
 // one may be slower than that, now more and now less: of an echo then only the order counts.
@@ -28,8 +28,9 @@ export class BoxClock {
     this.echoes = [];
   }
 
-  // The earliest instant at which the box can have said `there`, in a view that has come `now`; -Infinity
-  // where no echo tells. An echo that puts it after its coming is of a clock that was set since.
+  // The earliest instant at which the box can have said `there`, in a view that has come `now`;
+  // -Infinity where no echo tells. An echo that puts it after its coming is of a clock that was set
+  // since.
   madeAfter(there: number, now: number, paced: boolean): number {
     let best = -Infinity;
     for (const echo of this.echoes) {

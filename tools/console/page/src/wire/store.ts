@@ -69,8 +69,8 @@ export class Store {
     this.pictureHead = null;
   }
 
-  // Seconds since the picture was exposed, at most: how old it was for the box when it was sent, and
-  // what has passed since then. Infinite where that is not known.
+  // Seconds since the picture was exposed, at most: how old it was for the box when it was sent,
+  // and what has passed since then. Infinite where that is not known.
   pictureAge(): number {
     const head = this.pictureHead;
     if (!head || head.data < 0) return Infinity;
