@@ -22,8 +22,9 @@ constexpr std::string_view kMarkText =
     "It refuses to when anything else is in this folder.\n";
 
 // Behind "operator" or "robot".
-constexpr std::array<std::string_view, 9> kOfABox{
-    ".log", ".1.log", ".2.log", ".run", ".view", ".view.tmp", ".effects", ".inputs", ".blackbox"};
+constexpr std::array<std::string_view, 10> kOfABox{".log",      ".1.log",    ".2.log",   ".run",
+                                                   ".view",     ".view.tmp", ".effects", ".inputs",
+                                                   ".blackbox", ".stop"};
 // Names that others could choose as well.
 constexpr std::array<std::string_view, 11> kOfARun{
     "scene.toml", "faults.toml",  "scene.ply", "console.log", "console.json",  "link.cut",
