@@ -76,9 +76,9 @@ static_assert(lists_every_field<tasks::Path>());
 template <>
 struct Fields<tasks::TaskState> {
   using M = tasks::TaskState;
-  static constexpr std::tuple kList{value(&M::seq),   datum(&M::stamp),   value(&M::phase),
-                                    value(&M::marks), value(&M::paths),   value(&M::failures),
-                                    value(&M::off_m), value(&M::is_short)};
+  static constexpr std::tuple kList{value(&M::seq),   datum(&M::stamp),    value(&M::phase),
+                                    value(&M::marks), value(&M::paths),    value(&M::failures),
+                                    value(&M::off_m), value(&M::is_short), value(&M::failure)};
 };
 static_assert(lists_every_field<tasks::TaskState>());
 

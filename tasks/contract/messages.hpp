@@ -130,7 +130,17 @@ struct TaskState {
   };
   std::uint64_t seq = 0;
   rt::Time stamp{};
+  // Why the newest goal was given up; kNo unless the phase is kFailed.
+  enum class Failure : std::uint8_t {
+    kNo,
+    kNoMap,    // of the floor, or nothing heard of the robot
+    kStart,    // the base may not set off from where it stands
+    kNoWay,    // no floor that was seen leads there
+    kNoTime,   // none was found in the time there is
+    kNoGrasp,  // the arm can not take the object
+  };
   Phase phase = Phase::kIdle;
+  Failure failure = Failure::kNo;
   std::uint32_t marks = 0, paths = 0, failures = 0;
   // From the end of the newest path to the goal that was asked for, on the ground; below 0: there
   // is no path. is_short: too far to be called an arrival.

@@ -269,6 +269,7 @@ double PlanningTask::reached_within(const Ground& ground) const noexcept {
 
 // No path in this job: waits for what moves, tries again with other samples, or gives up.
 rt::Health PlanningTask::answer_failure(const CostMap& map, Out& out) noexcept {
+  using Failure = TaskState::Failure;
   Goal& g = state_.goal;
   if (g.probe && out.status != PlanStatus::kCancelled) {
     g.pending = g.probe = false;  // there is no nearer place, as far as it sees now
@@ -285,7 +286,7 @@ rt::Health PlanningTask::answer_failure(const CostMap& map, Out& out) noexcept {
                                     ? rt::Health::of(rt::Severity::kDegraded, kFaultPlanningLibrary)
                                     : rt::Health::ok();
       if (++g.attempts < config_.attempts) return health;  // the next job draws other samples
-      give_up(out);
+      give_up(out, Failure::kNoTime);
       return rt::worst(health, counted(kFaultPlanningNoPath));
     }
     case PlanStatus::kNoMap:
@@ -296,7 +297,9 @@ rt::Health PlanningTask::answer_failure(const CostMap& map, Out& out) noexcept {
         out.flags |= kWaits;
         return rt::Health::ok();
       }
-      give_up(out);
+      give_up(out, out.status == PlanStatus::kNoMap          ? Failure::kNoMap
+                   : out.status == PlanStatus::kStartBlocked ? Failure::kStart
+                                                             : Failure::kNoWay);
       return counted(kFaultPlanningNoPath);
   }
   return rt::Health::ok();

@@ -101,6 +101,7 @@ void PlanningTask::pursue(const Goal& goal, Out& out) noexcept {
   state_.goal = goal;
   state_.goal.have = state_.goal.pending = true;
   state_.task.phase = TaskState::Phase::kPlanning;
+  state_.task.failure = TaskState::Failure::kNo;
   ++state_.task.marks;
   out.flags |= kMarkTaken;
 }
@@ -114,6 +115,7 @@ rt::Health PlanningTask::take_act(const OperatorAct& act, Out& out) noexcept {
     drop_path(out);
     state_.goal.have = state_.goal.pending = state_.mark.open = false;
     state_.task.phase = TaskState::Phase::kIdle;
+    state_.task.failure = TaskState::Failure::kNo;
     return rt::Health::ok();
   }
   Goal g;
@@ -218,7 +220,7 @@ rt::Health PlanningTask::choose_grasp(const Ground& ground, const drivers::Robot
                        Vec3(robot.x_m, robot.y_m, 0), config_.grasp);
   out.grasp = g.grasp;
   if (g.grasp.refused != Grasp::Refused::kNo) {
-    give_up(out);
+    give_up(out, TaskState::Failure::kNoGrasp);
     return counted(kFaultPlanningNoGrasp);
   }
   g.p_W = g.grasp.X_WG.translation();
@@ -243,10 +245,11 @@ void PlanningTask::drop_path(Out& out) noexcept {
   state_.escape_points = 0;
 }
 
-void PlanningTask::give_up(Out& out) noexcept {
+void PlanningTask::give_up(Out& out, TaskState::Failure why) noexcept {
   drop_path(out);
   state_.goal.have = state_.goal.pending = false;
   state_.task.phase = TaskState::Phase::kFailed;
+  state_.task.failure = why;
   ++state_.task.failures;
   out.flags |= kGivenUp;
 }
@@ -369,7 +372,8 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
       health = rt::worst(health, wait_for_inputs(in, robot_ok, out));
     } else if (const Ground ground(*in.map); !ground.usable) {
       health = rt::worst(health, counted(kFaultPlanningBadInput));
-      if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs) give_up(out);
+      if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs)
+        give_up(out, TaskState::Failure::kNoMap);
     } else {
       health = rt::worst(health, pursue_goal(tick, in, ground, out));
     }
@@ -409,7 +413,7 @@ rt::Health PlanningTask::wait_for_inputs(const In& in, bool robot_ok, Out& out) 
   }
   if (!state_.goal.pending || ++state_.goal.waited <= config_.wait_jobs) return rt::Health::ok();
   out.status = PlanStatus::kNoMap;
-  give_up(out);
+  give_up(out, TaskState::Failure::kNoMap);
   return counted(kFaultPlanningNoPath);
 }
 
@@ -427,7 +431,7 @@ rt::Health PlanningTask::pursue_goal(const rt::Tick& tick, const In& in, const G
       stand();
     } else {
       out.status = PlanStatus::kCancelled;
-      give_up(out);
+      give_up(out, TaskState::Failure::kNoTime);
       health = rt::worst(health, counted(kFaultPlanningNoTime));
     }
   }

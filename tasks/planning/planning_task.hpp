@@ -206,7 +206,7 @@ class PlanningTask {
   void add_point(const TouchEvent& e) noexcept;
   void end_mark(Out& out) noexcept;
   void drop_path(Out& out) noexcept;
-  void give_up(Out& out) noexcept;
+  void give_up(Out& out, TaskState::Failure why) noexcept;
   enum class Holds : std::uint8_t { kYes, kNo, kExtend };  // kExtend: passable, but plan again
   [[nodiscard]] Holds path_holds(const Ground& ground, const perception::CostMap& map,
                                  Point2 robot) const noexcept;

@@ -74,7 +74,8 @@ struct OperatorView {
 [[nodiscard]] std::string held_text(tasks::Held held, std::int32_t measured_ms,
                                     std::int32_t limit_ms);
 
-// How the way ends, where it is worth a word: "1.15 m short of the goal: ...". Else empty.
+// How the way ends, or why there is none, where it is worth a word: "1.15 m short of the goal:
+// ...". Else empty.
 [[nodiscard]] std::string goal_text(const tasks::TaskState& task);
 
 using TakeLine = std::function<void(std::string_view)>;  // one line of a task's log

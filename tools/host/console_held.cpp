@@ -37,8 +37,33 @@ std::string held_text(tasks::Held held, std::int32_t measured_ms, std::int32_t l
   return text;
 }
 
+namespace {
+
+const char* failure_text(tasks::TaskState::Failure why) {
+  using Failure = tasks::TaskState::Failure;
+  switch (why) {
+    case Failure::kNo:
+      break;
+    case Failure::kNoMap:
+      return "there was no map of the floor, or nothing was heard of the robot";
+    case Failure::kStart:
+      return "from where it stands the base may not set off: what is about it is too near, or was "
+             "not seen";
+    case Failure::kNoWay:
+      return "no floor that was seen leads there";
+    case Failure::kNoTime:
+      return "no way was found in the time there is";
+    case Failure::kNoGrasp:
+      return "the arm can not take it: too wide, too thin or out of reach";
+  }
+  return "";
+}
+
+}  // namespace
+
 std::string goal_text(const tasks::TaskState& task) {
   using Phase = tasks::TaskState::Phase;
+  if (task.phase == Phase::kFailed) return failure_text(task.failure);
   // What is marked on an object can not be stood on: how far off the base is belongs to the word.
   constexpr double kWorthAWord_m = 0.1;
   const bool stands = task.phase == Phase::kArrived || task.phase == Phase::kShort;

@@ -174,9 +174,9 @@ TEST(MessageGolden, Plan) {
   TaskState task;
   task.seq = 42, task.stamp = at(4200), task.phase = TaskState::Phase::kDriving;
   task.marks = 3, task.paths = 2, task.failures = 1;
-  task.off_m = 0.375, task.is_short = true;
+  task.off_m = 0.375, task.is_short = true, task.failure = TaskState::Failure::kNoWay;
   EXPECT_EQ(edge::datum(task), at(4200));
-  expect(task, {0x1851347bd9d999a3, 0xefdd4bfd54b6cf9f, 0xefdd4bfd54b6cf9f});
+  expect(task, {0x663cd186f820d8ea, 0x2efaacea9a84af10, 0x2efaacea9a84af10});
   ModeMsg mode;
   mode.seq = 43, mode.stamp = at(4300), mode.mode = Mode::kEngaged, mode.cause = 190;
   mode.clear = mode.resumes = true;

@@ -88,7 +88,7 @@ TEST(OutputHash, CameraPathTaskAndMode) {
        FIELD(follows_camera), FIELD(unsure), FIELD(held), FIELD(held_ms), FIELD(held_limit_ms)});
   expect_each_seen<tasks::TaskState>(
       {}, {FIELD(seq), FIELD(stamp), FIELD(phase), FIELD(marks), FIELD(paths), FIELD(failures),
-           FIELD(off_m), FIELD(is_short)});
+           FIELD(off_m), FIELD(is_short), FIELD(failure)});
   expect_each_seen<tasks::ModeMsg>(
       {}, {FIELD(seq), FIELD(stamp), FIELD(mode), FIELD(cause), FIELD(clear), FIELD(resumes)});
 }

@@ -4,6 +4,8 @@
 namespace tests {
 namespace {
 
+using Failure = tasks::TaskState::Failure;
+
 TEST(PlanningTask, GivesUpWhatIsUnreachable) {
   Story s;
   s.box(0, -3, 0.05, 2.99, CostMap::kUnknown);
@@ -11,12 +13,14 @@ TEST(PlanningTask, GivesUpWhatIsUnreachable) {
   EXPECT_EQ(s.out.state.phase, Phase::kFailed);
   EXPECT_EQ(s.out.state.failures, 1U);
   EXPECT_EQ(s.out.status, PlanStatus::kUnreachable);
+  EXPECT_EQ(s.out.state.failure, Failure::kNoWay);
   EXPECT_EQ(s.health.fault, tasks::kFaultPlanningNoPath);
   EXPECT_EQ(s.out.path.seq, 0U);
   s.job();
   EXPECT_EQ(s.out.state.failures, 1U) << "a new try needs a new mark";
   s.mark({-1, 1, 0}).job();
   EXPECT_EQ(s.out.state.phase, Phase::kDriving);
+  EXPECT_EQ(s.out.state.failure, Failure::kNo);
 }
 
 TEST(PlanningTask, WaitsForMapAndRobotButNotForever) {
@@ -35,6 +39,7 @@ TEST(PlanningTask, WaitsForMapAndRobotButNotForever) {
   s.mark({2, 1, 0}).job();
   for (int i = 0; i < 60; ++i) s.job();
   EXPECT_EQ(s.out.state.phase, Phase::kFailed);
+  EXPECT_EQ(s.out.state.failure, Failure::kNoMap);
   s.in.map = s.map.get();
   s.robot.x_m = std::nan("");
   s.mark({1, 1, 0}).job();
@@ -62,6 +67,7 @@ TEST(PlanningTask, StartsFromFloorTheCameraCanNotSee) {
   far.box(-3, -3, -0.9, -0.9, CostMap::kUnknown);
   far.mark({1, 1, 0}).job();
   EXPECT_EQ(far.out.status, PlanStatus::kStartBlocked);
+  EXPECT_EQ(far.out.state.failure, Failure::kStart);
 }
 
 TEST(PlanningTask, AStopDropsMarkAndPath) {
