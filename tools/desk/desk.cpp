@@ -74,8 +74,7 @@ void Desk::do_acts(rt::Time now) {
     figures_.intent_ms.add(1e-6 * static_cast<double>(clock - item.arrived_ns));
     return now - rt::Nanos{std::max<std::int64_t>(0, clock - item.arrived_ns)};
   };
-  auto taken = inbox_.take();
-  for (const DeskItem& item : taken.acts) {
+  for (const DeskItem& item : inbox_.take()) {
     if (item.kind == DeskItem::Kind::kLeft) {
       acts_.left();
       events_.add(now, "page", "the operator's page is gone");
@@ -83,17 +82,14 @@ void Desk::do_acts(rt::Time now) {
       acts_.left();
       acts_.keep(now, [this](auto s, auto id, const auto& a) { answer(s, id, a); });
       acts_.joined();
+    } else if (item.intent.act == Act::kDrive || item.intent.act == Act::kHand) {
+      const std::string why = item.intent.act == Act::kDrive
+                                  ? acts_.drive(item.intent, said(item), now)
+                                  : acts_.hand(item.intent, now);
+      if (!why.empty()) answer(item.session, item.id, {false, why, {}});
     } else if (auto a = acts_.act(item, said(item), now)) {
       answer(item.session, item.id, *a);
     }
-  }
-  if (taken.drive) {
-    const std::string why = acts_.drive(taken.drive->intent, said(*taken.drive), now);
-    if (!why.empty()) answer(taken.drive->session, taken.drive->id, {false, why, {}});
-  }
-  if (taken.hand) {
-    const std::string why = acts_.hand(taken.hand->intent, said(*taken.hand), now);
-    if (!why.empty()) answer(taken.hand->session, taken.hand->id, {false, why, {}});
   }
 }
 

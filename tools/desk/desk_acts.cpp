@@ -17,7 +17,6 @@ namespace {
 
 ConsoleAnswer done() { return {true, {}, {}}; }
 ConsoleAnswer refused(std::string why) { return {false, std::move(why), {}}; }
-ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask again"); }
 
 std::string two_digits(double v) {
   char text[32];
@@ -39,16 +38,17 @@ std::string blind_text(OperatorBox& box, rt::Time now) {
 // While keep-outs are put back some are missing: nothing sets off, and nothing comes between.
 bool waits_for_opening(Act act) {
   return act == Act::kEngage || act == Act::kMark || act == Act::kGoTo || act == Act::kDraw ||
-         act == Act::kErase || act == Act::kForget || act == Act::kUndo || act == Act::kAccept;
+         act == Act::kErase || act == Act::kForget || act == Act::kUndo || act == Act::kAccept ||
+         act == Act::kUnmark;
 }
 
 }  // namespace
 
 const std::vector<std::string_view>& DeskActs::can() {
   static const std::vector<std::string_view> all = {
-      "engage", "hold",   "clear",  "stop",   "token", "hand",   "drive",
-      "mark",   "go_to",  "cancel", "draw",   "erase", "forget", "undo",
-      "note",   "select", "accept", "device", "save",  "open",   "record"};
+      "engage", "hold",   "clear", "stop",  "token",  "hand",  "drive", "mark",
+      "go_to",  "cancel", "draw",  "erase", "forget", "undo",  "note",  "select",
+      "accept", "device", "save",  "open",  "record", "unmark"};
   return all;
 }
 
@@ -71,7 +71,7 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
   switch (in.act) {
     case Act::kToken:
       engage_hold_.say(in.hold_engage, at);
-      hand_hold_.say(in.hold_hand, at);
+      touching_.hold.say(in.hold_hand, at);
       drive_hold_.say(in.hold_drive, at);
       return std::nullopt;
     case Act::kEngage:
@@ -83,10 +83,12 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
       return clear(now);
     case Act::kMark:
       return mark(in, now);
+    case Act::kUnmark:
+      return unmark(in.mark_id, now);
     case Act::kGoTo:
       return go_to(in, now);
     case Act::kCancel:
-      return push(tasks::OperatorAct{}, now) ? done() : crowded();
+      return cancel(now);
     case Act::kDraw:
       return draw(in.obstacle, now, true);
     case Act::kErase:
@@ -120,12 +122,12 @@ ConsoleAnswer DeskActs::record(bool on, rt::Time now) {
   const double at_s = events_.seconds_at(now);
   std::string text;
   if (on) {
-    piece_from_s_ = at_s;
-    text = "piece " + std::to_string(++pieces_) + " begins";
+    piece_.from_s = at_s;
+    text = "piece " + std::to_string(++piece_.begun) + " begins";
   } else {
-    const double from_s = *piece_from_s_;
-    piece_from_s_.reset();
-    text = "piece " + std::to_string(pieces_) + " ends: teletact report --from " +
+    const double from_s = *piece_.from_s;
+    piece_.from_s.reset();
+    text = "piece " + std::to_string(piece_.begun) + " ends: teletact report --from " +
            two_digits(from_s) + " --to " + two_digits(at_s);
   }
   events_.add(now, "record", text);
@@ -221,7 +223,7 @@ void DeskActs::keep_stop(rt::Time now) {
     stop_from_ = now;
     engage_wanted_ = false;
     drive_hold_.lose();
-    hand_hold_.lose();
+    touching_.hold.lose();
     steps_.stop = true;
     events_.add(now, "stop", "stop pressed");
   }
@@ -274,14 +276,26 @@ void DeskActs::keep_drive(rt::Time now) {
   box_.graph().drive(out, now);
 }
 
+// A person who sees more than the map may have reasons to drive there: told, not stopped.
+void DeskActs::watch_keep_outs(rt::Time now) {
+  const auto base_W = base_in_world(console_.seen());
+  if (!driving_ || !base_W) {
+    keep_out_.clear();
+    return;
+  }
+  const bool fresh = keep_out_.look(obstacles_, *base_W, {drive_.vx, drive_.vy, drive_.wz},
+                                    box_.graph().config().planning.robot_radius_m);
+  if (fresh) events_.add(now, "keep-out", keep_out_.text());
+}
+
 // ---- the hand -----------------------------------------------------------------------------------
 
-std::string DeskActs::hand(const Intent& intent, rt::Time at, rt::Time now) {
+std::string DeskActs::hand(const Intent& intent, rt::Time now) {
   if (hand_ == nullptr || !hand_->takes_over()) return "a haptic device is in its place";
-  if (!hand_hold_.held(now))
-    return hand_hold_.lost() ? "let go first, then press again" : "nothing is held";
-  hand_wanted_ = intent;
-  hand_at_ = at;
+  if (!touching_.hold.held(now))
+    return touching_.hold.lost() ? "let go first, then press again" : "nothing is held";
+  touching_.wanted = intent;
+  touching_.press = touching_.hold.presses();
   return {};
 }
 
@@ -289,17 +303,18 @@ std::string DeskActs::hand(const Intent& intent, rt::Time at, rt::Time now) {
 void DeskActs::keep_hand(rt::Time now) {
   constexpr double kBelow_m = 0.008, kAbove_m = 0.03;
   if (hand_ == nullptr) return;
-  const bool held = hand_hold_.held(now) && now - hand_at_ <= Hold::kLife;
-  if (!held && !touching_) return;
-  touching_ = held;
+  Hold& hold = touching_.hold;
+  const bool held = hold.held(now) && touching_.press == hold.presses();
+  if (!held && !touching_.on) return;
+  touching_.on = held;
   PageHand::Target target;
   if (held) {
-    const Intent& in = hand_wanted_;
+    const Intent& in = touching_.wanted;
     const double length = in.normal_W.norm();
     const perception::Vec3 up =
         length > 0.5 ? perception::Vec3(in.normal_W / length) : perception::Vec3::UnitZ();
     target = {true, in.p_W + (in.press ? -kBelow_m : kAbove_m) * up, in.button, in.clutch,
-              hand_hold_.said() + Hold::kLife};
+              hold.said() + Hold::kLife};
   }
   hand_->want(target, now);
 }
@@ -344,11 +359,11 @@ double DeskActs::device_scale() const {
 
 void DeskActs::left() {
   if (hand_ != nullptr) hand_->hold_clutch(false);
-  for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->lose();
+  for (Hold* h : {&engage_hold_, &touching_.hold, &drive_hold_}) h->lose();
   objects_.forget();
 }
 void DeskActs::joined() {
-  for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->renew();
+  for (Hold* h : {&engage_hold_, &touching_.hold, &drive_hold_}) h->renew();
 }
 
 void DeskActs::keep(rt::Time now, const Answer& answer) {
@@ -356,12 +371,13 @@ void DeskActs::keep(rt::Time now, const Answer& answer) {
   keep_stop(now);
   keep_engage(now, answer);
   keep_drive(now);
+  watch_keep_outs(now);
   keep_hand(now);
   keep_clear(now);
   keep_objects(now, answer);
   keep_sessions(now, answer);
   steps_.touch = steps_.touch || (!seen.haptic.empty() && seen.haptic.back().in_contact);
-  steps_.mark = steps_.mark || seen.task.marks > 0;
+  steps_.mark = steps_.mark || seen.task.marks > goals_.asked;  // one of the hand
   steps_.object = steps_.object || seen.objects_named > 0;
 }
 

@@ -7,7 +7,8 @@
 //   drive    a velocity, held by tokens; the first of a press drops a goal that is being driven to,
 //            so that letting go never sets the base off to somewhere. Refused, and the hold lost,
 //            while the newest picture is older than 1 s.
-//   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
+//   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp). It
+//            stays until another is said, as a pointer that rests, and goes with the token.
 //   select,  clicks propose an object; what is accepted goes to fusion (desk_objects.hpp).
 //   accept
 //   device   the clutch of the haptic device, held until it is let go or the page is gone; its
@@ -34,20 +35,17 @@
 #include "tools/desk/desk_objects.hpp"
 #include "tools/desk/desk_sessions.hpp"
 #include "tools/desk/hold.hpp"
-#include "tools/desk/intent.hpp"
+#include "tools/desk/intents/desk_bounds.hpp"
+#include "tools/desk/intents/desk_undo.hpp"
+#include "tools/desk/intents/intent.hpp"
 #include "tools/desk/page_hand.hpp"
 
 namespace teletact {
 
-struct ShownMark {
-  std::uint64_t id = 0;
-  std::vector<perception::Vec3> points_W;
-};
-
 class DeskActs {
  public:
   static constexpr std::size_t kMostObstacles = SavedSession::kMostObstacles,
-                               kMostMarks = SavedSession::kMostMarks, kMostUndo = 64;
+                               kMostMarks = SavedSession::kMostMarks;
   // What of `can` this build does.
   [[nodiscard]] static const std::vector<std::string_view>& can();
 
@@ -60,7 +58,7 @@ class DeskActs {
   [[nodiscard]] std::optional<ConsoleAnswer> act(const DeskItem& item, rt::Time at, rt::Time now);
   // The newest velocity; none of it counts without its token. Empty: taken; else why not.
   [[nodiscard]] std::string drive(const Intent& intent, rt::Time at, rt::Time now);
-  [[nodiscard]] std::string hand(const Intent& intent, rt::Time at, rt::Time now);
+  [[nodiscard]] std::string hand(const Intent& intent, rt::Time now);
   void left();    // the operator's page is gone
   void joined();  // another page
   // Once a tick, after the acts: what is held, and what was let go.
@@ -76,21 +74,33 @@ class DeskActs {
   [[nodiscard]] const DeskObjects& objects() const noexcept { return objects_; }
   [[nodiscard]] const DeskSessions& sessions() const noexcept { return sessions_; }
   // A piece of the run has begun and not ended.
-  [[nodiscard]] bool recording() const noexcept { return piece_from_s_.has_value(); }
+  [[nodiscard]] bool recording() const noexcept { return piece_.from_s.has_value(); }
   // Of the haptic device, now: scene metres per hand metre.
   [[nodiscard]] double device_scale() const;
   [[nodiscard]] bool driving() const noexcept { return driving_; }
+  // Driven by hand the base goes into a keep-out, or is about to; empty: it does not.
+  [[nodiscard]] const std::string& drive_warning() const noexcept { return keep_out_.text(); }
   struct FirstSteps {
     bool touch = false, mark = false, obstacle = false, object = false, stop = false;
   };
   [[nodiscard]] const FirstSteps& first_steps() const noexcept { return steps_; }
 
  private:
-  struct Undo {
-    enum class Kind : std::uint8_t { kObstacle, kGoal, kObject } kind = Kind::kGoal;
-    std::uint16_t id = 0;
-    std::optional<DrawnObstacle> before;  // none: there was no such obstacle
-    std::uint32_t serial = 0;             // of an object
+  static constexpr const char* kRingFull = "too many acts wait for the tasks: ask again";
+  struct Touching {
+    Hold hold;
+    Intent wanted;
+    std::uint64_t press = 0;  // of the hold, in which it was said
+    bool on = false;
+  };
+  struct Piece {
+    int begun = 0;
+    std::optional<double> from_s;
+  };
+  struct Goals {
+    std::uint64_t asked =
+        0;                   // by acts: marks and places; of the task's marks all more are a hand's
+    std::uint64_t mark = 0;  // whose goal is the newest of them; 0: a place, or it is dropped
   };
   struct WaitingEngage {
     std::uint32_t session = 0;
@@ -101,8 +111,11 @@ class DeskActs {
                                                     rt::Time now);
   [[nodiscard]] ConsoleAnswer clear(rt::Time now);
   [[nodiscard]] ConsoleAnswer mark(const Intent& in, rt::Time now);
+  [[nodiscard]] ConsoleAnswer unmark(std::uint64_t id, rt::Time now);
   [[nodiscard]] ConsoleAnswer go_to(const Intent& in, rt::Time now);
+  [[nodiscard]] ConsoleAnswer cancel(rt::Time now);
   [[nodiscard]] ConsoleAnswer draw(const DrawnObstacle& o, rt::Time now, bool undoable);
+  [[nodiscard]] ConsoleAnswer drawn(const DrawnObstacle& o) const;
   [[nodiscard]] ConsoleAnswer erase(std::uint16_t id, rt::Time now, bool undoable);
   [[nodiscard]] ConsoleAnswer forget(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer device(const Intent& in, rt::Time now);
@@ -110,12 +123,15 @@ class DeskActs {
   [[nodiscard]] ConsoleAnswer record(bool on, rt::Time now);
   [[nodiscard]] bool push(tasks::OperatorAct act, rt::Time now);
   [[nodiscard]] bool push(tasks::SceneEdit edit, rt::Time now);
-  [[nodiscard]] ConsoleAnswer take_back(const Undo& step, rt::Time now);
-  [[nodiscard]] std::string text_of(const Undo& step) const;
-  void remember(Undo step);
+  [[nodiscard]] ConsoleAnswer take_back(UndoStep& step, rt::Time now);
+  [[nodiscard]] ConsoleAnswer put_back_obstacles(UndoStep& step, rt::Time now);
+  [[nodiscard]] std::string text_of(const UndoStep& step) const;
+  void show_mark(ShownMark mark);
+  void hide_mark(std::uint64_t id);
   void keep_stop(rt::Time now);
   void keep_engage(rt::Time now, const Answer& answer);
   void keep_drive(rt::Time now);
+  void watch_keep_outs(rt::Time now);
   void keep_hand(rt::Time now);
   void keep_clear(rt::Time now);
   void keep_objects(rt::Time now, const Answer& answer);
@@ -127,18 +143,20 @@ class DeskActs {
   DeskEvents& events_;
   PageHand* hand_;
   double device_share_ = 1;  // of the scene's scale, as it was asked for
-  Hold engage_hold_, hand_hold_, drive_hold_;
-  bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false, touching_ = false;
+  Hold engage_hold_, drive_hold_;
+  Touching touching_;
+  bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false;
   std::optional<WaitingEngage> waiting_;
-  Intent drive_, hand_wanted_;
-  rt::Time drive_at_{}, hand_at_{}, clear_from_{}, stop_from_{};
+  Intent drive_;
+  rt::Time drive_at_{}, clear_from_{}, stop_from_{};
   std::uint64_t drive_press_ = 0;  // of the hold, whose goal was dropped
   std::uint64_t act_seq_ = 0, edit_seq_ = 0, drive_seq_ = 0, mark_id_ = 0;
   std::map<std::uint16_t, DrawnObstacle> obstacles_;
   std::vector<ShownMark> marks_;
-  std::vector<Undo> undo_;
-  int pieces_ = 0;  // begun
-  std::optional<double> piece_from_s_;
+  Goals goals_;
+  DeskUndo undo_;
+  KeepOutWatch keep_out_;
+  Piece piece_;
   DeskObjects objects_;
   DeskSessions sessions_;
   rt::Time give_from_{};  // the ring has room for an object's edits then

@@ -2,8 +2,9 @@
 // console's takes out, or sleeps until there is something; each waits at most for the other's few
 // pointers.
 //
-// Bounded: kMost acts; of `drive` and `hand` only the newest is kept, so however many come they
-// take no room and delay nothing. A stop does not come through here.
+// In the order in which it came: a token that lets go does not overtake the press before it.
+// Bounded: kMost acts; of `drive` and `hand` only the newest between two other acts is kept, so
+// however many come they take no room and delay nothing. A stop does not come through here.
 #pragma once
 
 #include <chrono>
@@ -11,9 +12,8 @@
 #include <cstdint>
 #include <deque>
 #include <mutex>
-#include <optional>
 
-#include "tools/desk/intent.hpp"
+#include "tools/desk/intents/intent.hpp"
 
 namespace teletact {
 
@@ -42,38 +42,39 @@ class DeskInbox {
   // Until something waits, so long at most. False: nothing does.
   [[nodiscard]] bool await(std::chrono::nanoseconds most) {
     std::unique_lock lock(mutex_);
-    return there_.wait_for(lock, most, [this] { return !waiting_.empty() || drive_ || hand_; });
+    return there_.wait_for(lock, most, [this] { return !waiting_.empty(); });
   }
-  struct Taken {
-    std::deque<DeskItem> acts;  // in order
-    std::optional<DeskItem> drive, hand;
-  };
-  [[nodiscard]] Taken take() {
-    Taken out;
+  [[nodiscard]] std::deque<DeskItem> take() {
+    std::deque<DeskItem> out;
     const std::lock_guard lock(mutex_);
-    out.acts.swap(waiting_);
-    out.drive.swap(drive_);
-    out.hand.swap(hand_);
+    out.swap(waiting_);
+    acts_ = 0;
     return out;
   }
 
  private:
+  [[nodiscard]] static bool newest_wins(const DeskItem& item) {
+    return item.kind == DeskItem::Kind::kAct &&
+           (item.intent.act == Act::kDrive || item.intent.act == Act::kHand);
+  }
   [[nodiscard]] bool keep(DeskItem item) {
-    const bool act = item.kind == DeskItem::Kind::kAct;
-    if (act && item.intent.act == Act::kDrive) {
-      drive_ = std::move(item);
-    } else if (act && item.intent.act == Act::kHand) {
-      hand_ = std::move(item);
-    } else {
-      if (act && waiting_.size() >= kMost) return false;
-      waiting_.push_back(std::move(item));
+    if (newest_wins(item)) {
+      for (auto last = waiting_.rbegin(); last != waiting_.rend() && newest_wins(*last); ++last) {
+        if (last->intent.act != item.intent.act) continue;
+        *last = std::move(item);
+        return true;
+      }
+    } else if (item.kind == DeskItem::Kind::kAct && acts_++ >= kMost) {
+      acts_ = kMost;
+      return false;
     }
+    waiting_.push_back(std::move(item));
     return true;
   }
   std::mutex mutex_;
   std::condition_variable there_;
   std::deque<DeskItem> waiting_;
-  std::optional<DeskItem> drive_, hand_;
+  std::size_t acts_ = 0;  // that wait, and are no `drive` or `hand`
 };
 
 }  // namespace teletact

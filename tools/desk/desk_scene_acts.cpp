@@ -1,7 +1,8 @@
-// Of the desk: marks, goals, obstacles, regions, accepted objects, undo; all of them saved, opened.
+// Of the desk: marks, goals, obstacles, regions, accepted objects; all of them saved, opened.
 #include <algorithm>
 #include <cstdio>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/desk/desk_acts.hpp"
@@ -15,7 +16,7 @@ namespace {
 
 ConsoleAnswer yes() { return {true, {}, {}}; }
 ConsoleAnswer no(std::string why) { return {false, std::move(why), {}}; }
-constexpr const char* kRingFull = "too many acts wait for the tasks: ask again";
+std::string json_text(const std::string& text) { return nlohmann::json{{"text", text}}.dump(); }
 // So long fusion needs for a full ring of edits, one a job.
 constexpr rt::Nanos kRing = std::chrono::milliseconds{1500};
 
@@ -86,53 +87,97 @@ bool DeskActs::push(tasks::SceneEdit edit, rt::Time now) {
   return true;
 }
 
-void DeskActs::remember(Undo step) {
-  undo_.push_back(std::move(step));
-  if (undo_.size() > kMostUndo) undo_.erase(undo_.begin());
-}
-
 ConsoleAnswer DeskActs::mark(const Intent& in, rt::Time now) {
   if (const std::string why = no_goal_now(console_.seen()); !why.empty()) return no(why);
+  if (const std::string why = beyond_map(*console_.seen().map, in.points_W); !why.empty())
+    return no("the mark lies " + why);
   tasks::OperatorAct act;
   act.kind = tasks::OperatorAct::Kind::kMark;
   act.p_W = marked_point(in.points_W);
   act.normal_W = facing(act.p_W, console_.seen().camera.X_WC);
   if (!push(act, now)) return no(kRingFull);
-  marks_.push_back({++mark_id_, in.points_W});
+  show_mark({++mark_id_, in.points_W});
+  ++goals_.asked;
+  goals_.mark = mark_id_;
+  steps_.mark = true;
+  undo_.add({UndoStep::Kind::kMark, {}, marks_.back(), 0});
+  events_.add(now, "mark", "mark " + std::to_string(mark_id_) + " at " + at_text(act.p_W));
+  return yes();
+}
+
+// A goal that came of it goes with it.
+ConsoleAnswer DeskActs::unmark(std::uint64_t id, rt::Time now) {
+  const auto known =
+      std::find_if(marks_.begin(), marks_.end(), [id](const ShownMark& m) { return m.id == id; });
+  if (known == marks_.end()) return no("no such mark is drawn");
+  if (goals_.mark == id && !cancel(now).ok) return no(kRingFull);
+  undo_.add({UndoStep::Kind::kUnmark, {}, *known, 0});
+  marks_.erase(known);
+  events_.add(now, "mark", "mark " + std::to_string(id) + " deleted");
+  return yes();
+}
+
+void DeskActs::show_mark(ShownMark mark) {
+  marks_.push_back(std::move(mark));
   if (marks_.size() > kMostMarks) marks_.erase(marks_.begin());
-  remember({Undo::Kind::kGoal, 0, std::nullopt});
-  events_.add(now, "mark", "mark at " + at_text(act.p_W));
+}
+
+void DeskActs::hide_mark(std::uint64_t id) {
+  std::erase_if(marks_, [id](const ShownMark& m) { return m.id == id; });
+}
+
+ConsoleAnswer DeskActs::cancel(rt::Time now) {
+  if (!push(tasks::OperatorAct{}, now)) return no(kRingFull);
+  goals_.mark = 0;
   return yes();
 }
 
 ConsoleAnswer DeskActs::go_to(const Intent& in, rt::Time now) {
   if (const std::string why = no_goal_now(console_.seen()); !why.empty()) return no(why);
+  const std::string beyond = beyond_floor(*console_.seen().map, in.p_W.x(), in.p_W.y());
+  if (!beyond.empty()) return no("the place lies " + beyond);
   tasks::OperatorAct act;
   act.kind = tasks::OperatorAct::Kind::kGoTo;
   act.p_W = in.p_W;
   act.turns = in.turns;
   act.yaw_rad = in.yaw_rad;
   if (!push(act, now)) return no(kRingFull);
-  remember({Undo::Kind::kGoal, 0, std::nullopt});
+  ++goals_.asked;
+  goals_.mark = 0;
+  undo_.add({UndoStep::Kind::kGoal, {}, {}, 0});
   events_.add(now, "go to", at_text(act.p_W));
   return yes();
 }
 
 ConsoleAnswer DeskActs::draw(const DrawnObstacle& o, rt::Time now, bool undoable) {
   const auto known = obstacles_.find(o.id);
+  const std::string beyond = undoable ? beyond_map(*console_.seen().map, o) : std::string();
+  if (!beyond.empty()) return no("the keep-out is " + beyond);
   if (known == obstacles_.end() && obstacles_.size() >= kMostObstacles)
     return no("32 obstacles are drawn: erase one first");
   if (!push(edit_of(o), now)) return no(kRingFull);
   if (undoable) {
-    remember({Undo::Kind::kObstacle, o.id,
-              known == obstacles_.end() ? std::nullopt : std::optional(known->second)});
+    const bool fresh = known == obstacles_.end();
+    undo_.add({UndoStep::Kind::kObstacles,
+               {{o.id, fresh ? std::nullopt : std::optional(known->second)}},
+               {},
+               0});
     events_.add(now, "obstacle",
-                std::to_string(o.id) + (known == obstacles_.end() ? " drawn at " : " moved to ") +
-                    at_text(o.centre_W));
+                std::to_string(o.id) + (fresh ? " drawn at " : " moved to ") + at_text(o.centre_W));
   }
   obstacles_[o.id] = o;
   steps_.obstacle = true;
-  return yes();
+  return undoable ? drawn(o) : yes();
+}
+
+// The base stands where it is drawn: it does not set off to a goal from there.
+ConsoleAnswer DeskActs::drawn(const DrawnObstacle& o) const {
+  const auto base_W = base_in_world(console_.seen());
+  const double radius_m = box_.graph().config().planning.robot_radius_m;
+  if (!base_W || reaches_into({{o.id, o}}, base_W->x, base_W->y, radius_m) == 0) return yes();
+  return {true,
+          {},
+          json_text("Keep-out " + std::to_string(o.id) + " is placed, and the base stands in it.")};
 }
 
 ConsoleAnswer DeskActs::erase(std::uint16_t id, rt::Time now, bool undoable) {
@@ -142,9 +187,10 @@ ConsoleAnswer DeskActs::erase(std::uint16_t id, rt::Time now, bool undoable) {
   e.kind = tasks::SceneEdit::Kind::kErase;
   e.id = id;
   if (!push(e, now)) return no(kRingFull);
-  for (const auto& [each, o] : obstacles_) {
-    if (undoable && (id == 0 || each == id)) remember({Undo::Kind::kObstacle, each, o});
-  }
+  UndoStep step{UndoStep::Kind::kObstacles, {}, {}, 0};
+  for (const auto& [each, o] : obstacles_)
+    if (id == 0 || each == id) step.before.emplace_back(each, o);
+  if (undoable && !step.before.empty()) undo_.add(std::move(step));
   if (id == 0)
     obstacles_.clear();
   else
@@ -165,50 +211,16 @@ ConsoleAnswer DeskActs::forget(const Intent& in, rt::Time now) {
     e.half_m[static_cast<std::size_t>(i)] = in.half_m(i);
   }
   if (!push(e, now)) return no(kRingFull);
+  undo_.add({UndoStep::Kind::kForget, {}, {}, 0});
   events_.add(now, "forget", "region about " + at_text(in.p_W) + " forgotten");
   return yes();
-}
-
-// What is forgotten of the map does not come back; all else does.
-ConsoleAnswer DeskActs::undo(rt::Time now) {
-  if (undo_.empty()) return no("there is nothing to undo");
-  const Undo step = undo_.back();
-  ConsoleAnswer answer = take_back(step, now);
-  if (!answer.ok) return answer;
-  undo_.pop_back();
-  events_.add(now, "undo", text_of(step));
-  return answer;
-}
-
-ConsoleAnswer DeskActs::take_back(const Undo& step, rt::Time now) {
-  switch (step.kind) {
-    case Undo::Kind::kGoal:
-      return push(tasks::OperatorAct{}, now) ? yes() : no(kRingFull);
-    case Undo::Kind::kObject:
-      return objects_.drop(step.serial, now) ? yes() : no(kRingFull);
-    case Undo::Kind::kObstacle:
-      break;
-  }
-  return step.before ? draw(*step.before, now, false) : erase(step.id, now, false);
-}
-
-std::string DeskActs::text_of(const Undo& step) const {
-  switch (step.kind) {
-    case Undo::Kind::kGoal:
-      return "goal dropped";
-    case Undo::Kind::kObject:
-      return objects_.name_of(step.serial) + " is no object any more";
-    case Undo::Kind::kObstacle:
-      break;
-  }
-  return "obstacle " + std::to_string(step.id);
 }
 
 void DeskActs::keep_objects(rt::Time now, const Answer& answer) {
   for (const std::string& line : objects_.take_missed()) events_.add(now, "object", line);
   const auto named = objects_.keep(console_.seen(), now, answer);
   if (!named) return;
-  remember({Undo::Kind::kObject, 0, std::nullopt, named->serial});
+  undo_.add({UndoStep::Kind::kObject, {}, {}, named->serial});
   events_.add(now, "object", named->name + " accepted");
 }
 

@@ -75,10 +75,10 @@ void DeskShow::show_pose(rt::Time now) {
   const auto& r = seen.robot;
   const auto& w = seen.world;
   rt::Time data{};
-  if (r.seq != 0 && w.known) {
+  if (const auto base_W = base_in_world(seen)) {
     data = r.taken;
     v.flags |= PoseView::kRobotValid;
-    v.robot = perception::compose({w.X_WO[0], w.X_WO[1], w.X_WO[2]}, {r.x_m, r.y_m, r.yaw_rad});
+    v.robot = *base_W;
     const double late_s = std::clamp(rt::seconds(now - r.taken), 0.0, 1.0);
     v.predicted = ahead(v.robot, r.vx, r.vy, r.wz, late_s);
     v.v_B = {r.vx, r.vy, r.wz};

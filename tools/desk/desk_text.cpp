@@ -37,11 +37,15 @@ json faults_of(const OperatorView& seen, const DeskEvents& events) {
   return all;
 }
 
+// A goal that was dropped or given up is none, though its path was the newest.
+bool pursues(tasks::TaskState::Phase phase) {
+  using Phase = tasks::TaskState::Phase;
+  return phase != Phase::kIdle && phase != Phase::kFailed;
+}
+
 json path_of(const OperatorView& seen) {
   json points = json::array();
-  using Phase = tasks::TaskState::Phase;
-  const Phase phase = seen.task.phase;
-  if (seen.paths.empty() || phase == Phase::kIdle || phase == Phase::kFailed) return points;
+  if (seen.paths.empty() || !pursues(seen.task.phase)) return points;
   const tasks::Path& path = seen.paths.back();
   constexpr std::int32_t kEach = 2;  // points lie 4 cm apart at most
   for (std::int32_t i = 0; i < path.size; ++i) {
@@ -164,6 +168,14 @@ std::string bus_text(const OperatorView& seen, const LinkNow& link) {
   return moves + ", " + fault + age;
 }
 
+// Why the base stands: what holds it, else why its goal was given up.
+std::string stands_text(const OperatorView& seen) {
+  const auto& w = seen.world;
+  std::string held = held_text(w.held, w.held_ms, w.held_limit_ms);
+  const bool failed = seen.task.phase == tasks::TaskState::Phase::kFailed;
+  return held.empty() && failed ? "the goal was given up: " + goal_text(seen.task) : held;
+}
+
 json device_of(const OperatorView& seen, const DeskFacts& facts) {
   constexpr std::array kStates = {"reset", "idle, forces off", "forces on", "brake, forces off"};
   json device{{"kind", facts.device}, {"renders_force", facts.renders_force}};
@@ -180,7 +192,6 @@ json device_of(const OperatorView& seen, const DeskFacts& facts) {
 std::string text_body(const OperatorView& seen, const DeskActs& acts, const DeskEvents& events,
                       const DeskFacts& facts, std::string_view role,
                       std::string_view operator_name) {
-  const auto& w = seen.world;
   json t{{"version", kVersion},
          {"role", std::string(role)},
          {"operator_name", std::string(operator_name)},
@@ -188,7 +199,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"mode", mode_text(seen.mode.mode)},
          {"robot_mode", mode_text(static_cast<tasks::Mode>(seen.robot.mode))},
          {"phase", phase_text(seen.task.phase)},
-         {"held", held_text(w.held, w.held_ms, w.held_limit_ms)},
+         {"held", stands_text(seen)},
          {"tracking", tracking_text(seen.camera.tracking)},
          {"link", link_of(facts.link)},
          {"bus", bus_text(seen, facts.link.now)},
@@ -208,8 +219,10 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
                  {"short", seen.task.is_short},
                  {"text", goal_text(seen.task)}};
   }
+  if (const std::string& warning = acts.drive_warning(); !warning.empty())
+    t["drive_warning"] = warning;
   t["marked"] = nullptr;
-  if (!seen.paths.empty() && seen.paths.back().size > 0)
+  if (pursues(seen.task.phase) && !seen.paths.empty() && seen.paths.back().size > 0)
     t["marked"] = vec(seen.paths.back().marked_W);
   t["device"] = device_of(seen, facts);
   const auto& s = acts.first_steps();

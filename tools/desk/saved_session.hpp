@@ -14,7 +14,7 @@
 
 #include "perception/objects/given_object.hpp"
 #include "rt/result.hpp"
-#include "tools/desk/intent.hpp"
+#include "tools/desk/intents/intent.hpp"
 
 namespace teletact {
 

@@ -2,7 +2,7 @@
 #include <stdexcept>
 
 #include "tools/console/intent_envelope.hpp"
-#include "tools/desk/intent.hpp"
+#include "tools/desk/intents/intent.hpp"
 #include "tools/desk/saved_session.hpp"
 #include "tools/measure/fuzz_readers.hpp"
 

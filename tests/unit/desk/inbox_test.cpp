@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <thread>
+#include <vector>
 
 #include "tools/desk/desk_inbox.hpp"
 
@@ -31,8 +32,7 @@ TEST(DeskInbox, WhoWaitsIsWokenByAnAct) {
     EXPECT_TRUE(inbox.await(std::chrono::minutes{1}));
     EXPECT_LT(Clock::now() - from, std::chrono::seconds{30});
     puts.join();
-    const auto taken = inbox.take();
-    EXPECT_EQ(taken.acts.size() + (taken.drive ? 1 : 0) + (taken.hand ? 1 : 0), 1U);
+    EXPECT_EQ(inbox.take().size(), 1U);
     EXPECT_FALSE(inbox.await(milliseconds{1})) << "it was taken";
   }
 }
@@ -41,6 +41,40 @@ TEST(DeskInbox, WhatWaitsAlreadyIsNotWaitedFor) {
   DeskInbox inbox;
   EXPECT_TRUE(inbox.put(item(Act::kHold)));
   EXPECT_TRUE(inbox.await(std::chrono::minutes{1}));
+}
+
+std::vector<Act> acts_of(DeskInbox& inbox) {
+  std::vector<Act> acts;
+  for (const DeskItem& i : inbox.take()) acts.push_back(i.intent.act);
+  return acts;
+}
+
+// A quick tap: the token that lets go does not overtake what was held.
+TEST(DeskInbox, TheOrderIsThatOfTheirComing) {
+  DeskInbox inbox;
+  for (const Act act :
+       {Act::kToken, Act::kHand, Act::kHand, Act::kDrive, Act::kHand, Act::kToken, Act::kDrive})
+    EXPECT_TRUE(inbox.put(item(act)));
+  EXPECT_EQ(acts_of(inbox),
+            (std::vector{Act::kToken, Act::kHand, Act::kDrive, Act::kToken, Act::kDrive}));
+}
+
+TEST(DeskInbox, OfHandAndDriveTheNewestIsKeptAndTheyTakeNoRoom) {
+  DeskInbox inbox;
+  for (std::size_t i = 0; i < DeskInbox::kMost; ++i) {
+    ASSERT_TRUE(inbox.put(item(Act::kNote)));
+    for (int n = 0; n < 3; ++n) {
+      DeskItem hand = item(Act::kHand);
+      hand.id = n;
+      ASSERT_TRUE(inbox.put(std::move(hand)));
+    }
+  }
+  EXPECT_FALSE(inbox.put(item(Act::kNote)));
+  EXPECT_TRUE(inbox.put(item(Act::kHand)));
+  const auto taken = inbox.take();
+  ASSERT_EQ(taken.size(), 2 * DeskInbox::kMost);
+  EXPECT_EQ(taken[1].id, 2);
+  EXPECT_TRUE(inbox.put(item(Act::kNote)));
 }
 
 TEST(DeskInbox, NothingComesAfterAsLongAsWasSaid) {

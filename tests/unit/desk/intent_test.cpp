@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rt/random.hpp"
-#include "tools/desk/intent.hpp"
+#include "tools/desk/intents/intent.hpp"
 
 namespace {
 
@@ -44,7 +44,8 @@ const std::vector<std::string>& good() {
       R"({"id":18,"act":"select","u":0.5,"v":0.5,"sign":1,"new":true})",
       R"({"id":19,"act":"accept","proposal":4,"name":"bin"})",
       R"({"id":20,"act":"save","name":"a-1_b"})",
-      R"({"id":21,"act":"open","name":"a-1_b"})"};
+      R"({"id":21,"act":"open","name":"a-1_b"})",
+      R"({"id":22,"act":"unmark","mark_id":3})"};
   return all;
 }
 

@@ -410,6 +410,7 @@ TEST(DeskRun, AHandAtThePageTouchesAndMarks) {
   options.log_folder = options.report + "/raw";
   const VirtualRun r = run(*s, 14, p, options);
   EXPECT_TRUE(p.desk->acts().first_steps().touch);
+  EXPECT_TRUE(p.desk->acts().first_steps().mark) << "a mark of the hand counts";
   EXPECT_GE(r.op.view.task.marks, 1U);
   EXPECT_GE(r.op.view.arrivals, 1U);
   double deepest = 0, last = 1;

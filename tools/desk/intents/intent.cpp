@@ -1,4 +1,4 @@
-#include "tools/desk/intent.hpp"
+#include "tools/desk/intents/intent.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -210,6 +210,10 @@ void read_keys(Keys& k, Intent& in) {
     case Act::kErase:
       k.whole("obstacle_id", number, 0, 999);
       in.obstacle_id = static_cast<std::uint16_t>(number);
+      return;
+    case Act::kUnmark:
+      k.whole("mark_id", number, 1, 0xFFFFFFFFLL);
+      in.mark_id = static_cast<std::uint64_t>(number);
       return;
     case Act::kForget:
       k.vector("centre", in.p_W, -kPlace, kPlace);

@@ -36,10 +36,12 @@ enum class Act : std::uint8_t {
   kAccept,
   kSave,
   kOpen,
+  kUnmark,
 };
-inline constexpr std::array<std::string_view, 20> kActNames = {
-    "engage", "hold",   "clear", "token", "hand",   "drive",  "mark",   "go_to",  "cancel", "draw",
-    "erase",  "forget", "undo",  "note",  "record", "device", "select", "accept", "save",   "open"};
+inline constexpr std::array<std::string_view, 21> kActNames = {
+    "engage", "hold",   "clear",  "token",  "hand",   "drive", "mark",
+    "go_to",  "cancel", "draw",   "erase",  "forget", "undo",  "note",
+    "record", "device", "select", "accept", "save",   "open",  "unmark"};
 [[nodiscard]] constexpr std::string_view name_of(Act a) noexcept {
   return kActNames[static_cast<std::size_t>(a)];
 }
@@ -62,6 +64,7 @@ struct Intent {
   int sign = 1;
   std::uint32_t proposal = 0;
   std::uint16_t obstacle_id = 0;                                      // erase; 0: all
+  std::uint64_t mark_id = 0;                                          // unmark
   perception::Vec3 p_W{0, 0, 0}, normal_W{0, 0, 0}, half_m{0, 0, 0};  // hand, go_to, forget
   std::vector<perception::Vec3> points_W;                             // mark
   DrawnObstacle obstacle;

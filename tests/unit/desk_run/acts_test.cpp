@@ -1,0 +1,201 @@
+// What is asked by a page that does little: a pointer that rests, a quick tap; what is taken back,
+// and what is refused.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/unit/desk_run/person.hpp"
+
+namespace {
+
+using desk_run::Person;
+using nlohmann::json;
+using testing::HasSubstr;
+
+json hand(double x, double y, bool press) {
+  return {{"act", "hand"},  {"p", {x, y, 0.0}}, {"normal", {0, 0, 1}},
+          {"press", press}, {"button", false},  {"clutch", false}};
+}
+json disc(int id, double x, double y, double z, double radius) {
+  return {{"act", "draw"},
+          {"obstacle",
+           {{"id", id},
+            {"kind", "disc"},
+            {"centre", {x, y, z}},
+            {"half", {radius, radius, 0.1}},
+            {"yaw", 0}}}};
+}
+std::string told(const Person& p, const std::string& kind) {
+  std::string all;
+  for (const auto& e : p.desk->events().newest())
+    if (e.kind == kind) all += e.text + "\n";
+  return all;
+}
+
+// The page says where the hand is when it is moved; a pointer that rests on the floor touches on.
+TEST(DeskRun, ATouchGoesOnWhileThePointerRestsAndATapIsNotRefused) {
+  constexpr double kX = 1.85, kY = -0.38;
+  auto s = desk_run::scene();
+  Person p;
+  bool first_step = false;
+  std::vector<bool> contact;
+  p.act = [&](double t) {
+    if (p.once("tap", t, 1.0)) {
+      p.say({{"act", "token"}, {"holds", {"hand"}}});
+      p.say(hand(kX, kY, true));
+      p.say(hand(kX, kY, false));
+      p.say({{"act", "token"}, {"holds", json::array()}});
+    }
+    if (p.once("press", t, 1.5)) {
+      p.holds = json::array({"hand"});
+      p.say({{"act", "token"}, {"holds", {"hand"}}});
+      p.say(hand(kX, kY, true));
+    }
+    for (const double at : {4.5, 5.9})
+      if (p.once("look" + std::to_string(at), t, at))
+        contact.push_back(p.seen().haptic.back().in_contact);
+    if (p.once("leave", t, 6.0)) {
+      first_step = p.desk->acts().first_steps().touch;
+      p.holds = json::array();
+    }
+    // A press that says nowhere is none, though one before it did.
+    if (p.once("empty", t, 7.5)) p.holds = json::array({"hand"});
+    if (p.once("late", t, 8.5)) contact.push_back(p.seen().haptic.back().in_contact);
+  };
+  static_cast<void>(desk_run::run(*s, 9, p));
+  EXPECT_EQ(p.desk->refused(), 0U) << (p.answers.empty() ? "" : p.answers.begin()->second.why);
+  EXPECT_TRUE(first_step);
+  EXPECT_THAT(contact, testing::ElementsAre(true, true, false));
+}
+
+TEST(DeskRun, EachActIsOneUndoAndWhatIsForgottenDoesNotComeBack) {
+  auto s = desk_run::scene();
+  Person p;
+  p.viewers = 1;
+  std::map<std::string, std::int64_t> ids;
+  std::map<std::string, json> texts;
+  std::map<std::string, std::size_t> drawn;
+  const json undo{{"act", "undo"}};
+  const json mark{{"act", "mark"}, {"points", {{1.2, 0.7, 0.0}, {1.25, 0.7, 0.0}}}};
+  bool by_place = true, by_mark = false;
+  p.act = [&](double t) {
+    const auto say = [&](const char* what, double at, const json& act) {
+      if (p.once(what, t, at)) ids[what] = p.say(act);
+    };
+    const auto look = [&](const char* what, double at) {
+      if (!p.once(std::string("look ") + what, t, at)) return;
+      texts[what] = json::parse(p.text);
+      drawn[what] = p.desk->acts().obstacles().size();
+    };
+    for (const int k : {1, 2, 3}) {
+      const std::string what = "draw" + std::to_string(k);
+      if (p.once(what, t, 1.5)) ids[what] = p.say(disc(k, 0.8 * k, -1.0, 0, 0.1));
+    }
+    say("erase", 1.7, {{"act", "erase"}, {"obstacle_id", 0}});
+    look("erased", 1.9);
+    say("undo erase", 2.0, undo);
+    look("back", 2.4);
+    say("forget", 2.5, {{"act", "forget"}, {"centre", {2.0, 0.0, 0.3}}, {"half", {0.1, 0.1, 0.1}}});
+    say("undo forget", 2.6, undo);
+    look("forgotten", 2.7);
+    say("undo draw", 2.8, undo);
+    look("one less", 2.9);
+    say("go", 3.0, {{"act", "go_to"}, {"x", 1.43}, {"y", 0.70}});
+    if (p.once("steps", t, 3.9)) by_place = p.desk->acts().first_steps().mark;
+    say("undo go", 4.0, undo);
+    look("no goal", 4.6);
+    say("mark", 4.7, mark);
+    if (p.once("steps 2", t, 4.8)) by_mark = p.desk->acts().first_steps().mark;
+    look("marked", 5.6);
+    say("undo mark", 5.7, undo);
+    look("unmarked", 6.3);
+    say("mark 2", 6.4, mark);
+    look("marked 2", 7.2);
+    if (p.once("unmark", t, 7.3)) ids["unmark"] = p.say({{"act", "unmark"}, {"mark_id", 2}});
+    say("unmark again", 7.4, {{"act", "unmark"}, {"mark_id", 2}});
+    look("deleted", 7.9);
+    say("undo delete", 8.0, undo);
+    look("mark back", 8.4);
+  };
+  static_cast<void>(desk_run::run(*s, 8.6, p));
+  for (const auto& [what, id] : ids) {
+    const bool refused = what == "undo forget" || what == "unmark again";
+    EXPECT_EQ(p.answers[id].ok, !refused) << what << ": " << p.answers[id].why;
+  }
+  EXPECT_EQ(drawn["erased"], 0U);
+  EXPECT_EQ(drawn["back"], 3U) << "one undo";
+  EXPECT_THAT(p.answers[ids["undo erase"]].result, HasSubstr("3 keep-outs are back"));
+  EXPECT_THAT(p.answers[ids["undo forget"]].why, HasSubstr("does not come back"));
+  EXPECT_EQ(drawn["forgotten"], 3U) << "nothing else is taken back for it";
+  EXPECT_EQ(drawn["one less"], 2U);
+  EXPECT_FALSE(by_place) << "a place is no mark";
+  EXPECT_TRUE(by_mark);
+  EXPECT_TRUE(texts["no goal"]["marked"].is_null()) << texts["no goal"]["marked"];
+  EXPECT_EQ(texts["marked"]["marks"].size(), 1U);
+  EXPECT_FALSE(texts["marked"]["marked"].is_null());
+  EXPECT_TRUE(texts["unmarked"]["marks"].empty()) << "an undone mark is no mark";
+  EXPECT_TRUE(texts["unmarked"]["marked"].is_null());
+  EXPECT_EQ(texts["marked 2"]["phase"], "driving");
+  EXPECT_TRUE(texts["deleted"]["marks"].empty());
+  EXPECT_EQ(texts["deleted"]["phase"], "idle") << "its goal went with it";
+  EXPECT_EQ(texts["mark back"]["marks"].size(), 1U);
+  EXPECT_EQ(texts["mark back"]["phase"], "idle") << "no goal is set by it";
+}
+
+TEST(DeskRun, PlacesBeyondTheMapAreRefusedAndAGoalGivenUpHasAReason) {
+  auto s = desk_run::scene();
+  Person p;
+  p.viewers = 1;
+  std::vector<std::int64_t> beyond;
+  std::int64_t round = 0, lost = 0;
+  p.act = [&](double t) {
+    if (p.once("beyond", t, 1.5)) {
+      beyond.push_back(p.say({{"act", "go_to"}, {"x", 900}, {"y", 900}}));
+      beyond.push_back(
+          p.say({{"act", "mark"}, {"points", json::array({json::array({500, 500, 500})})}}));
+      beyond.push_back(p.say(disc(1, 1, 0, 900, 0.2)));
+      beyond.push_back(p.say(disc(2, 0, 0, 0, 20)));
+      round = p.say(disc(4, 0, 0, 0, 1.5));
+    }
+    if (p.once("lost", t, 2.5)) lost = p.say({{"act", "go_to"}, {"x", 2.0}, {"y", 0.7}});
+  };
+  static_cast<void>(desk_run::run(*s, 9, p));
+  for (const auto id : beyond) EXPECT_FALSE(p.answers[id].ok) << id;
+  EXPECT_THAT(p.answers[beyond[0]].why, HasSubstr("outside the map of the floor"));
+  EXPECT_THAT(p.answers[beyond[2]].why, HasSubstr("above the floor"));
+  EXPECT_TRUE(p.answers[round].ok) << p.answers[round].why;
+  EXPECT_THAT(p.answers[round].result, HasSubstr("the base stands in it"));
+  EXPECT_TRUE(p.answers[lost].ok) << p.answers[lost].why;
+  const json text = json::parse(p.text);
+  EXPECT_EQ(text["phase"], "failed");
+  EXPECT_THAT(text["held"].get<std::string>(), HasSubstr("the goal was given up: from where"));
+  EXPECT_THAT(told(p, "task"), HasSubstr("failed, from where it stands"));
+}
+
+TEST(DeskRun, DrivenByHandIntoAKeepOutThePersonIsTold) {
+  auto s = desk_run::scene();
+  Person p;
+  p.viewers = 1;
+  json while_driven, after;
+  p.holds = json::array({"engage"});
+  p.act = [&](double t) {
+    if (p.once("engage", t, 1.5)) p.say({{"act", "engage"}});
+    if (p.once("draw", t, 1.6)) p.say(disc(3, 0.9, 0, 0, 0.2));
+    if (p.once("press", t, 2.5)) {
+      p.holds = json::array({"engage", "drive"});
+      p.driven = json{{"act", "drive"}, {"vx", 0.3}, {"vy", 0.0}, {"wz", 0.0}};
+    }
+    if (p.once("look", t, 5.0)) while_driven = json::parse(p.text);
+    if (p.once("leave", t, 5.1)) p.holds = json::array({"engage"}), p.driven.reset();
+    if (p.once("end", t, 6.0)) after = json::parse(p.text);
+  };
+  static_cast<void>(desk_run::run(*s, 6.2, p));
+  EXPECT_EQ(while_driven.value("drive_warning", ""), "The base is in keep-out 3.");
+  EXPECT_FALSE(after.contains("drive_warning"));
+  EXPECT_EQ(told(p, "keep-out"),
+            "Keep-out 3 is ahead: driven by hand, nothing stops the base.\n"
+            "The base is in keep-out 3.\n");
+}
+
+}  // namespace
