@@ -2,6 +2,7 @@
 import { Acts, Tone } from './act/acts';
 import { Aimer } from './act/aim';
 import { Drive } from './act/drive';
+import { GamepadHand } from './act/gamepad';
 import { Held, tokenPeriod, watchLoss } from './act/held';
 import { listenToKeys } from './act/keys';
 import { Pointer } from './act/pointer';
@@ -37,6 +38,9 @@ const panelPeriod = 200;   // ms between looks at the panels, at least
 const panelsLatest = 500;  // ms: then also without a frame
 const flushPeriod = 33;    // ms: at the rate of poses, also while nothing is drawn
 const mostTimes = 256;     // of the mesh, for its percentile
+const padPeriod = 50;      // ms between looks at the gamepad
+
+const gamepads = () => navigator.getGamepads?.() ?? [];
 
 let alsoSay: (text: string) => void = () => {};  // to whoever wears a headset
 
@@ -66,7 +70,7 @@ class Page {
   readonly tools = new Tools(this.acts, this.things, this.aimer, this.selecting,
     () => this.stage.touch());
   readonly drive = new Drive(this.link, this.held, { why: () => this.lockReason() },
-    why => say(`Driving is locked: ${why}`, 'refused'));
+    why => say(`Driving is locked: ${why}`, 'refused'), gamepads);
   readonly pointer = new Pointer(this.stage, this.aimer, this.tools);
   readonly rail = new Rail(this.tools, this.stage, this.acts, this.store);
   readonly inset = new Inset(this.store, this.tools, this.selecting,
@@ -106,7 +110,6 @@ class Page {
     this.keys();
     watchLoss(this.held);
     this.held.onLost((why, holds) => say(this.acts.lostText(why, holds), 'refused'));
-    this.stage.beforeFrame(() => this.drive.pollGamepad(navigator.getGamepads?.() ?? []));
     this.stage.besideFrame(() => {
       this.inset.drawNew();
       this.showPanels(panelPeriod);
@@ -119,6 +122,11 @@ class Page {
     setInterval(() => this.store.flush(), flushPeriod);
     setInterval(() => this.held.greet(), tokenPeriod);
     alsoSay = text => this.headset.tell(text);
+    const hand = new GamepadHand(gamepads, this.pointer, this.stage.canvas);
+    setInterval(() => {
+      this.drive.pollGamepad();
+      hand.poll();
+    }, padPeriod);
     void this.link.start();
   }
 
@@ -205,6 +213,7 @@ class Page {
       delete: () => {
         const choice = this.lists.chosen;
         if (choice?.kind === 'obstacle') this.acts.erase(choice.id);
+        if (choice?.kind === 'mark') this.acts.unmark(choice.id);
       },
       escape: () => {
         this.pointer.cancel();
@@ -236,7 +245,7 @@ class Page {
     this.timeline.show();
     this.session.show();
     this.steps.show();
-    this.pad.show(this.lockReason());
+    this.pad.show(this.lockReason(), this.store.slow.drive_warning ?? '');
   }
 
   private linkChanged(state: LinkState, why: string): void {

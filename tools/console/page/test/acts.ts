@@ -39,6 +39,20 @@ test('three clicked points of a box at a random place', async () => {
   assert.ok(twin.desk.steps.touch);
 });
 
+test('a touch goes on while the pointer rests', async () => {
+  const { mouse } = desk.page;
+  await desk.tool('Touch');
+  await mouse.move(...await desk.screen([1, -0.2, 0]));
+  await mouse.down();
+  await until('the touch', () => plant.hand?.press === true);
+  const said = twin.count('hand');
+  await desk.page.waitForTimeout(600);  // three lives of a token
+  assert.equal(twin.count('hand'), said, 'nothing is said by a pointer that rests');
+  assert.ok(plant.hand?.press);
+  await mouse.up();
+  await until('the end', () => plant.hand === null);
+});
+
 test('a mark by the pointer: the robot arrives', async () => {
   await desk.tool('Mark');
   await desk.drag([[0.75, -0.3, 0], [0.8, -0.25, 0], [0.85, -0.2, 0]]);
@@ -50,6 +64,8 @@ test('a mark by the pointer: the robot arrives', async () => {
     return plant.phase === 'arrived';
   });
   assert.ok(at(0.8, -0.25) < arrival, `${at(0.8, -0.25)} m off`);
+  await desk.page.click('#pane-scene .row:has-text("Mark 1") button:has-text("Delete")');
+  await until('no mark', () => twin.desk.marks.length === 0);
 });
 
 test('a keep-out on the way: the robot goes round it', async () => {
@@ -137,6 +153,29 @@ test('a region is forgotten only after a yes', async () => {
   await until('the forgetting', () => twin.count('forget') === 1);
   const { centre, half } = twin.newest('forget') as unknown as { centre: Vec3; half: Vec3 };
   assert.ok(Math.abs(centre[0] - 1.8) < 0.05 && Math.abs(half[0] - 0.2) < 0.05);
+  await desk.page.click('#commands button:has-text("Undo")');
+  await until('the refusal', async () =>
+    (await desk.page.textContent('#toasts'))!.includes('does not come back'));
+});
+
+test('an object is chosen and accepted in the picture by keys alone', async () => {
+  const { keyboard } = desk.page;
+  await keyboard.press('Escape');
+  await desk.page.focus('#picture');
+  await keyboard.press('Enter');
+  await until('a proposal', async () => !await desk.page.isDisabled(
+    '#options button:has-text("Accept")', { timeout: 60000 }));
+  const accepted = twin.count('accept');
+  await keyboard.press('y');
+  await until('the accept', () => twin.count('accept') === accepted + 1);
+  await desk.page.focus('#picture');
+  await keyboard.press('Enter');
+  const clicks = () => desk.page.textContent('#options');
+  await until('a click', async () => (await clicks())!.includes('click'));
+  await keyboard.press('Escape');
+  assert.match((await clicks())!, /click/, 'the way out keeps what was chosen');
+  await keyboard.press('Escape');
+  await until('none', async () => !/\d click/.test((await clicks())!));
 });
 
 test('a session is saved, and opened after the keep-outs are gone', async () => {
@@ -182,8 +221,9 @@ test('the acts by keyboard alone', async () => {
   await keyboard.up('Enter');
   await until('a mark', () => twin.count('mark') === marks + 1);
   assert.ok((twin.newest('mark')!.points as Vec3[]).length > 2);
+  const undone = twin.count('undo');
   await keyboard.press('z');
-  await until('the undo', () => twin.count('undo') === 2);
+  await until('the undo', () => twin.count('undo') === undone + 1);
   await keyboard.press('r');
   await until('the recording', () => twin.desk.recording);
   await keyboard.press('?');

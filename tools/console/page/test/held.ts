@@ -2,10 +2,17 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Drive } from '../src/act/drive';
+import { GamepadHand } from '../src/act/gamepad';
 import { Held, Hold } from '../src/act/held';
 import { until } from './browser';
 
 type Told = { act: string; keys: Record<string, unknown> };
+
+function gamepad(down: number[], axes = [0, -1, 0, 0]): Gamepad {
+  return { connected: true, mapping: 'standard', axes,
+    buttons: Array.from({ length: 16 }, (_, i) => ({ pressed: down.includes(i) })),
+  } as unknown as Gamepad;
+}
 
 function bench() {
   const told: Told[] = [];
@@ -18,9 +25,11 @@ function bench() {
   const held = new Held(road, () => clock.now);
   held.onLost((_, holds) => lost.push(holds));
   const gate = { why: null as string | null };
-  const drive = new Drive(road, held, { why: () => gate.why }, why => refused.push(why));
+  const pads: (Gamepad | null)[] = [];
+  const drive = new Drive(road, held, { why: () => gate.why }, why => refused.push(why),
+    () => pads);
   const newest = () => told.filter(t => t.act === 'token').pop()?.keys.holds as Hold[];
-  return { told, lost, refused, clock, held, drive, gate, newest };
+  return { told, lost, refused, clock, held, drive, gate, pads, newest };
 }
 
 test('a token goes on while it is held, and says at once that it is not', async () => {
@@ -91,19 +100,55 @@ test('what is locked does not start, and what locks meanwhile ends', async () =>
 });
 test('a gamepad drives by its dead-man button, and not by its stick alone', () => {
   const b = bench();
-  const pad = (pressed: boolean) => [{ connected: true, mapping: 'standard', axes: [0, -1, 0, 0],
-    buttons: Array.from({ length: 16 }, (_, i) => ({ pressed: i === 5 && pressed })) },
-  ] as unknown as Gamepad[];
-  b.drive.pollGamepad(pad(false));
+  const poll = (pad: Gamepad | null) => {
+    b.pads[0] = pad;
+    b.drive.pollGamepad();
+  };
+  poll(gamepad([]));
   assert.equal(b.drive.driving, false);
-  b.drive.pollGamepad(pad(true));
+  poll(gamepad([5]));
   assert.ok(b.drive.driving);
   b.held.lose('the gamepad was lost', ['drive']);
-  b.drive.pollGamepad(pad(true));
+  poll(gamepad([5]));
   assert.equal(b.drive.driving, false, 'still pressed is not a new press');
-  b.drive.pollGamepad(pad(false));
-  b.drive.pollGamepad(pad(true));
+  poll(gamepad([]));
+  poll(gamepad([5]));
   assert.ok(b.drive.driving);
-  b.drive.pollGamepad([null]);
+  poll(null);
   assert.equal(b.drive.driving, false);
+});
+test('where no frame is drawn the release of the dead-man button is seen', async () => {
+  const b = bench();
+  b.pads[0] = gamepad([5]);
+  b.drive.pollGamepad();
+  assert.ok(b.drive.driving);
+  b.pads[0] = gamepad([]);
+  await until('the end of driving', () => !b.drive.driving);
+  assert.deepEqual(b.newest(), []);
+});
+test('a gamepad moves the cross-hair and presses there, but not while it drives', () => {
+  const clock = { now: 0 };
+  const pads: (Gamepad | null)[] = [gamepad([])];
+  const moves: [number, number][] = [];
+  const presses: string[] = [];
+  const hand = new GamepadHand(() => pads, { moveCross: (dx, dy) => moves.push([dx, dy]),
+    pressCross: () => presses.push('down'),
+    releaseCross: lost => presses.push(lost ? 'lost' : 'up') },
+  { focus: () => presses.push('focus') }, () => clock.now);
+  const poll = (pad: Gamepad | null) => {
+    clock.now += 50;
+    pads[0] = pad;
+    hand.poll();
+  };
+  poll(gamepad([]));
+  assert.deepEqual(moves, [[0, -20]]);
+  poll(gamepad([0], [1, 0, 0, 0]));
+  poll(gamepad([0], [0.1, 0.1, 0, 0]));
+  assert.deepEqual(moves, [[0, -20], [20, 0]]);
+  assert.deepEqual(presses, ['focus', 'down']);
+  poll(gamepad([]));
+  poll(gamepad([0, 5]));
+  assert.equal(moves.length, 3, 'the sticks drive');
+  poll(null);
+  assert.deepEqual(presses, ['focus', 'down', 'up', 'focus', 'down', 'lost']);
 });

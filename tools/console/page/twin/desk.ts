@@ -32,7 +32,7 @@ export class Desk {
   proposal = 0;
   private clicks = 0;
   private chosen = new Set<number>();
-  private readonly undoable: (() => void)[] = [];
+  private readonly undoable: { text: string; back: (() => void) | null }[] = [];  // null: it stays
   // One of a run before, of another map.
   sessions: SavedSession[] = [{ name: 'yesterday', saved: '2026-01-02T03:04:05Z', map: true,
     here: false }];
@@ -50,7 +50,7 @@ export class Desk {
       stop: () => this.stop(), cancel: () => { this.plant.drop(); return done; },
       mark: i => this.mark(i), go_to: i => this.goTo(i), select: i => this.select(i),
       accept: i => this.accept(i), draw: i => this.draw(i), erase: i => this.erase(i),
-      forget: i => vec(i.centre) && vec(i.half) ? done : refused('a region has centre and half'),
+      forget: i => this.forget(i), unmark: i => this.unmark(i),
       undo: () => this.undo(), device: i => this.changeDevice(i),
       record: i => { this.recording = i.on === true; return done; },
       note: i => { this.note(String(i.text).slice(0, 200), 'note'); return done; },
@@ -117,11 +117,26 @@ export class Desk {
     this.marked = middle;
     this.plant.setGoal([middle[0], middle[1]], null);
     this.steps.mark = true;
-    this.undoable.push(() => {
+    this.undoable.push({ text: `mark ${stroke.id} and its goal are gone`, back: () => {
       this.marks = this.marks.filter(m => m !== stroke);
       this.marked = null;
       this.plant.drop();
-    });
+    } });
+    return done;
+  }
+
+  private unmark(i: Intent): Reply {
+    const mark = this.marks.find(m => m.id === i.mark_id);
+    if (!mark) return refused('no such mark is drawn');
+    this.marks = this.marks.filter(m => m !== mark);
+    this.undoable.push({ text: `mark ${mark.id} is drawn again`,
+      back: () => { this.marks = [...this.marks, mark]; } });
+    return done;
+  }
+
+  private forget(i: Intent): Reply {
+    if (!vec(i.centre) || !vec(i.half)) return refused('a region has centre and half');
+    this.undoable.push({ text: '', back: null });
     return done;
   }
 
@@ -131,10 +146,10 @@ export class Desk {
     if (x < -1 || x > 4 || Math.abs(y) > 2) return refused('the place is outside the map');
     this.marked = [x, y, 0];
     this.plant.setGoal([x, y], typeof i.yaw === 'number' ? i.yaw : null);
-    this.undoable.push(() => {
+    this.undoable.push({ text: 'the goal is dropped', back: () => {
       this.marked = null;
       this.plant.drop();
-    });
+    } });
     return done;
   }
 
@@ -182,7 +197,8 @@ export class Desk {
     }
     const before = this.plant.obstacles;
     this.plant.obstacles = [...before.filter(other => other.id !== o.id), o];
-    this.undoable.push(() => { this.plant.obstacles = before; });
+    this.undoable.push({ text: `keep-out ${o.id} is as before`,
+      back: () => { this.plant.obstacles = before; } });
     this.plant.plan();
     this.steps.obstacle = true;
     return done;
@@ -193,7 +209,8 @@ export class Desk {
     this.plant.obstacles = i.obstacle_id === 0 ? []
       : before.filter(o => o.id !== i.obstacle_id);
     if (before.length === this.plant.obstacles.length) return refused('there is none of this id');
-    this.undoable.push(() => { this.plant.obstacles = before; });
+    this.undoable.push({ text: 'the keep-outs are as before',
+      back: () => { this.plant.obstacles = before; } });
     this.plant.plan();
     return done;
   }
@@ -201,8 +218,9 @@ export class Desk {
   private undo(): Reply {
     const last = this.undoable.pop();
     if (!last) return refused('nothing to take back');
-    last();
-    return done;
+    if (!last.back) return refused('what is forgotten does not come back');
+    last.back();
+    return { ok: true, result: { text: `Undone: ${last.text}.` } };
   }
 
   private save(i: Intent): Reply {

@@ -8,6 +8,7 @@ const cruise = 0.6;          // m/s towards a goal
 const bodyRadius = 0.35;     // m of the base
 const reached = 0.03;        // m from the end of the path
 const arrival = 0.1;         // m from the goal
+const warnAhead = 0.7;       // s of driving by hand
 
 type Xy = [number, number];
 
@@ -23,7 +24,7 @@ export class Plant {
   off = -1;  // m from the end of the path to what was asked for; below 0: no path
   path: Xy[] = [];
   linkUp = true;
-  hand: { p: Vec3; normal: Vec3; press: boolean } | null = null;
+  hand: { p: Vec3; normal: Vec3; press: boolean } | null = null;  // as said last, while held
   obstacles: Obstacle[] = [];
   onEvent: (text: string, kind: string) => void = () => {};
   private readonly until = new Map<string, number>();
@@ -39,6 +40,20 @@ export class Plant {
   holds(hold: string): boolean { return (this.until.get(hold) ?? -1) > this.time; }
 
   drive(command: Vec3): void { this.command = command; }
+
+  // Of driving by hand, which no keep-out stops.
+  get warning(): string {
+    if (!this.holds('drive')) return '';
+    const [x, y, yaw] = this.robot;
+    const [vx, vy] = this.command;
+    const ahead: Xy = [x + warnAhead * (vx * Math.cos(yaw) - vy * Math.sin(yaw)),
+      y + warnAhead * (vx * Math.sin(yaw) + vy * Math.cos(yaw))];
+    const into = (p: Xy) => this.obstacles.find(o => Math.hypot(p[0] - o.centre[0],
+      p[1] - o.centre[1]) < Math.max(o.half[0], o.half[1]) + bodyRadius);
+    const [now, next] = [into([x, y]), into(ahead)];
+    return now ? `The base is in keep-out ${now.id}.`
+      : next ? `Keep-out ${next.id} is ahead: driven by hand, nothing stops the base.` : '';
+  }
 
   stop(): void {
     this.mode = 'ramp_down';

@@ -55,6 +55,8 @@ export class Acts {
     void this.ask('draw', { obstacle }, `Keep-out ${obstacle.id} is placed.`);
   }
 
+  unmark(id: number): void { void this.ask('unmark', { mark_id: id }, `Mark ${id} is gone.`); }
+
   erase(id: number): void {
     void this.ask('erase', { obstacle_id: id },
       id === 0 ? 'All keep-outs are gone.' : `Keep-out ${id} is gone.`);

@@ -20,9 +20,18 @@ export const driveKeys: Record<string, [number, number, number]> = {
 const period = 50;             // ms between commands
 const turn = 2;                // rad/s a m/s
 const deadZone = 0.15;         // of a stick
-const deadManButton = 5;       // right shoulder of the standard gamepad
+export const deadManButton = 5;  // right shoulder of the standard gamepad
 
 type Command = [number, number, number];
+
+export function isStandard(pad: Gamepad | null): pad is Gamepad {
+  return pad !== null && pad.connected && pad.mapping === 'standard';
+}
+
+export function stick(pad: Gamepad, axis: number): number {
+  const value = pad.axes[axis] ?? 0;
+  return Math.abs(value) < deadZone ? 0 : value;
+}
 
 export class Drive {
   speed = 0.3;                 // m/s
@@ -32,7 +41,8 @@ export class Drive {
   private timer: ReturnType<typeof setInterval> | null = null;
 
   constructor(private readonly road: DriveRoad, private readonly held: Held,
-    private readonly gate: DriveGate, private readonly refused: (why: string) => void) {
+    private readonly gate: DriveGate, private readonly refused: (why: string) => void,
+    private readonly pads: () => (Gamepad | null)[]) {
     held.onLost((_, holds) => { if (holds.includes('drive')) this.forget(); });
   }
 
@@ -61,9 +71,10 @@ export class Drive {
 
   get driving(): boolean { return this.held.has('drive'); }
 
-  // Asked in each frame: gamepads have no events of their own.
-  pollGamepad(pads: (Gamepad | null)[]): void {
-    const pad = pads.find(p => p?.connected && p.mapping === 'standard');
+  // Gamepads have no events of their own. Asked by a timer, never by frames alone: where none is
+  // drawn, a button that was let go would not be seen.
+  pollGamepad(): void {
+    const pad = this.pads().find(isStandard);
     const held = pad?.buttons[deadManButton]?.pressed ?? false;
     const fresh = held && !this.padWasHeld;
     this.padWasHeld = held;
@@ -80,14 +91,16 @@ export class Drive {
       else this.pad = [0, 0, 0];
       if (this.pad) this.begin();
     }
-    const axis = (k: number) => Math.abs(pad.axes[k] ?? 0) < deadZone ? 0 : -(pad.axes[k] ?? 0);
-    if (this.pad) this.pad = [axis(1), axis(0), axis(2)];
+    if (this.pad) this.pad = [-stick(pad, 1), -stick(pad, 0), -stick(pad, 2)];
   }
 
   private begin(): void {
     this.held.press('drive');
     this.send();
-    this.timer ??= setInterval(() => this.send(), period);
+    this.timer ??= setInterval(() => {
+      this.pollGamepad();
+      if (this.driving) this.send();
+    }, period);
   }
 
   private end(): void {

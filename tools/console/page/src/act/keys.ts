@@ -26,13 +26,17 @@ export function listenToKeys(canvas: HTMLCanvasElement, drive: Drive, acts: KeyA
       if (!event.repeat) acts.stop();
       return;
     }
+    const inPicture = (event.target as HTMLElement).closest?.('#picture') ?? null;
     if (event.key === 'Escape' && !(event.target as HTMLElement).closest?.('dialog')) {
       drive.releaseAll();
       canvas.focus();
-      acts.plain.escape?.();
+      // From the picture it only leads back: what was chosen there is kept.
+      if (inPicture === null) acts.plain.escape?.();
       return;
     }
-    if (isControl(event.target) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const accepts = inPicture !== null && event.key.toLowerCase() === 'y';
+    if (isControl(event.target) && !accepts) return;
     const command = driveKeys[event.code];
     if (command) {
       event.preventDefault();

@@ -87,8 +87,8 @@ export class Pointer {
     const move = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step],
       ArrowDown: [0, step] }[event.key];
     if (move) this.moveCross(move[0]!, move[1]!);
-    else if (event.key === 'Enter') this.pressCross(event);
-    else return;
+    else if (event.key !== 'Enter') return;
+    else if (!event.repeat) this.pressCross(event.shiftKey);
     event.preventDefault();
   }
 
@@ -98,7 +98,8 @@ export class Pointer {
     return [box.left + this.cross[0], box.top + this.cross[1]];
   }
 
-  private moveCross(dx: number, dy: number): void {
+  // px
+  moveCross(dx: number, dy: number): void {
     const box = this.stage.canvas.getBoundingClientRect();
     this.place();
     this.cross = [Math.min(box.width - 1, Math.max(0, this.cross![0] + dx)),
@@ -107,19 +108,19 @@ export class Pointer {
     if (this.crossDown) this.tools.move(this.aimer.at(...this.place()));
   }
 
-  private pressCross(event: KeyboardEvent): void {
+  pressCross(takesAway = false): void {
     this.showCross();
-    if (event.repeat || this.crossDown) return;
+    if (this.crossDown) return;
     const { selecting } = this.tools;
     const sign = selecting.sign;
-    if (event.shiftKey) selecting.sign = -1;
+    if (takesAway) selecting.sign = -1;
     this.place();
     this.crossDown = this.tools.down(this.aimer.at(...this.place()));
     selecting.sign = sign;
     by('cross').classList.toggle('pressed', this.crossDown);
   }
 
-  private releaseCross(lost = false): void {
+  releaseCross(lost = false): void {
     if (!this.crossDown) return;
     this.crossDown = false;
     by('cross').classList.remove('pressed');

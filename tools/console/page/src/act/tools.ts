@@ -18,6 +18,7 @@ interface Tool {
 }
 
 const handPeriod = 16;     // ms: 60 Hz at most
+const shortTouch = 300;    // ms: in less the hand gets nowhere
 const markStep = 0.01;     // m between points of a stroke
 const mostMark = 128;      // points
 const headingDrag = 0.15;  // m: a longer drag of a goal is its heading
@@ -25,14 +26,17 @@ const rim = 0.75;          // of an obstacle's size: beyond, a drag resizes
 const smallest = 0.05;     // m, half of an obstacle's size
 const regionTop = 2;       // m above the floor that a forgotten region reaches
 
+// A hand is where it was said last until it is let go, so a pointer that rests says nothing.
 class TouchTool implements Tool {
   act = 'hand';
+  private began = 0;
   private sent = 0;
   private last: Aim | null = null;
   constructor(private readonly acts: Acts) {}
 
   down(aim: Aim): void {
     if (!aim.point) return;
+    this.began = performance.now();
     this.acts.held.press('hand');
     this.send(aim, true);
   }
@@ -47,6 +51,9 @@ class TouchTool implements Tool {
     const end = aim ?? this.last;
     if (end) this.send(end, false);
     this.acts.held.release('hand');
+    if (performance.now() - this.began < shortTouch) {
+      this.acts.say('Hold to touch: the hand goes there while you press.', 'news');
+    }
   }
 
   cancel(): void { this.acts.held.lose('the pointer was taken away', ['hand']); }

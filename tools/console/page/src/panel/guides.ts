@@ -54,6 +54,8 @@ export function fillHelp(): void {
     h('p', {}, 'Driving and touching are held: let go and it ends. If the window, the pointer, the '
       + 'gamepad or the connection is lost, it ends too, and wants a new press. No key moves '
       + 'anything while a button or a field has the focus: Esc goes back to the scene.'),
-    h('p', {}, 'Gamepad: hold the right shoulder button; left stick drives, right stick turns.'),
+    h('p', {}, 'Gamepad: hold the right shoulder button; left stick drives, right stick turns. '
+      + 'Without it the left stick moves the cross-hair, and button A presses there (hold, drag): '
+      + 'with the tool Touch it is the hand.'),
     button('Close', () => dialog.close()));
 }

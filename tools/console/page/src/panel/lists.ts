@@ -125,7 +125,8 @@ export class Lists {
   private markRow() {
     let mark: { id: number; points: Vec3[] } | null = null;
     const first = () => mark?.points[0] ?? null;
-    const { element, title, more } = this.row(() => [this.look(first), this.goButton(first)]);
+    const { element, title, more } = this.row(() => [this.look(first), this.goButton(first),
+      button('Delete', () => { if (mark) this.acts.unmark(mark.id); })]);
     return { element, update: (m: { id: number; points: Vec3[] }) => {
       mark = m;
       setText(title, `Mark ${m.id}`);

@@ -10,6 +10,7 @@ const buttons: [string, string, [number, number, number]][] = [
 
 export class Pad {
   private readonly locked = h('div', { class: 'locked', hidden: true });
+  private readonly warning = h('div', { class: 'locked', role: 'alert', hidden: true });
   private readonly all: HTMLButtonElement[] = [];
 
   constructor(private readonly drive: Drive) {
@@ -28,6 +29,8 @@ export class Pad {
       b.addEventListener('pointercancel', end);
       b.addEventListener('lostpointercapture', end);
       b.addEventListener('contextmenu', event => event.preventDefault());
+      // The focus stays where it is: with the focus in a control nothing drives.
+      b.addEventListener('mousedown', event => event.preventDefault());
       this.all.push(b);
     }
     const speed = h('input', { type: 'range', min: '0.05', max: '0.8', step: '0.05',
@@ -38,12 +41,15 @@ export class Pad {
       drive.speed = Number(speed.value);
       setText(shown, `${drive.speed.toFixed(2)} m/s`);
     });
-    by('pad').append(this.locked, ...this.all, h('label', {}, shown, speed));
+    by('pad').append(this.locked, this.warning, ...this.all, h('label', {}, shown, speed));
   }
 
-  show(why: string | null): void {
+  // `warning`: what the base drives into; nothing stops it there.
+  show(why: string | null, warning: string): void {
     this.locked.hidden = why === null;
     if (why !== null) setText(this.locked, why);
+    this.warning.hidden = warning === '';
+    setText(this.warning, warning);
     for (const b of this.all) {
       b.setAttribute('aria-disabled', String(why !== null));
       if (!this.drive.driving) b.classList.remove('on');

@@ -63,7 +63,7 @@ export class TopBar {
     this.task.show(slow.goal?.short && phase !== 'driving'
       ? `${number(slow.goal.off_m, 2, ' m')} short of the goal` : `Task ${phase}`,
     missed ? 'warn' : phase === 'arrived' ? 'good' : '',
-    phase === 'failed' ? 'No way to the goal was found: it was given up.' : slow.goal?.text ?? '');
+    phase === 'failed' ? slow.held || 'The goal was given up.' : slow.goal?.text ?? '');
     const tracking = slow.tracking ?? trackings[pose?.tracking ?? -1] ?? 'unknown';
     this.tracking.show(`Camera ${tracking}`, tracking === 'tracking' ? 'good'
       : tracking === 'lost' ? 'bad' : 'warn');

@@ -143,6 +143,7 @@ export interface Slow {
   robot_mode?: string;
   phase?: string;
   held?: string;
+  drive_warning?: string;  // driven by hand: the keep-out that the base goes into
   goal?: { off_m?: number; short?: boolean; text?: string };
   link?: {
     state?: string; fault?: string; round_trip_ms?: number; mbit_s?: number; fps?: number;
