@@ -1,4 +1,4 @@
-// Debian's Chromium, headless, drawing in software, against a twin of the box.
+// Debian's Chromium, headless, drawing in software, against a twin of the box or a real one.
 import { existsSync, mkdirSync } from 'node:fs';
 import { Browser, BrowserContext, chromium, Page } from 'playwright-core';
 import { Vec3 } from '../src/wire/types';
@@ -38,14 +38,16 @@ export interface Figures {
 export class Desk {
   readonly errors: string[] = [];
 
-  private constructor(readonly page: Page, readonly twin: TwinBox) {
+  private constructor(readonly page: Page, readonly twin: TwinBox | null) {
     page.on('pageerror', error => this.errors.push(String(error)));
     page.on('console', message => {
       if (message.text().includes('Content Security Policy')) this.errors.push(message.text());
     });
   }
 
-  static async open(context: BrowserContext, twin: TwinBox, url = twin.url()): Promise<Desk> {
+  // `twin` null: a real box.
+  static async open(context: BrowserContext, twin: TwinBox | null,
+    url = twin!.url()): Promise<Desk> {
     const desk = new Desk(await context.newPage(), twin);
     await desk.page.goto(url);
     await desk.ready();
@@ -91,11 +93,16 @@ export class Desk {
   async engage(): Promise<void> {
     // A machine too busy to send a token within 200 ms lets go, rightly: pressed again.
     await until('engaged', async () => {
-      if (this.twin.plant.mode === 'engaged') return true;
+      if (await this.engaged()) return true;
       await this.page.click('#commands button:has-text("Engage")');
-      await this.page.waitForTimeout(150);
-      return this.twin.plant.mode === 'engaged';
+      await this.page.waitForTimeout(this.twin ? 150 : 500);
+      return this.engaged();
     });
+  }
+
+  private async engaged(): Promise<boolean> {
+    if (this.twin) return this.twin.plant.mode === 'engaged';
+    return (await this.page.textContent('#chips'))!.includes('engaged');
   }
 
   async shot(name: string): Promise<void> {
