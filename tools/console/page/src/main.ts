@@ -182,7 +182,9 @@ class Page {
     });
     // Id 0: not an answer, but news of the session.
     store.on('answer', answer => {
-      if (!this.link.settle(answer) && (answer.id === 0 || !answer.ok)) {
+      if (this.link.settle(answer)) return;
+      if (!answer.ok && this.drive.wasRefused(answer.id, answer.why ?? 'refused')) return;
+      if (answer.id === 0 || !answer.ok) {
         say(answer.why ?? String(answer.result?.text ?? 'The session changed.'),
           answer.ok ? 'news' : 'refused');
       }

@@ -18,8 +18,9 @@ export async function launch(): Promise<Browser> {
   return chromium.launch({ executablePath: chromiumProgram()!, args: flags });
 }
 
-export async function until(what: string, holds: () => boolean | Promise<boolean>): Promise<void> {
-  const end = Date.now() + patience;
+export async function until(what: string, holds: () => boolean | Promise<boolean>,
+  longest = patience): Promise<void> {
+  const end = Date.now() + longest;
   while (!await holds()) {
     if (Date.now() > end) throw new Error(`waited in vain for: ${what}`);
     await new Promise(done => setTimeout(done, 25));

@@ -19,7 +19,7 @@ function bench() {
   const lost: Hold[][] = [];
   const refused: string[] = [];
   const road = { tell: (act: string, keys: object) => {
-    told.push({ act, keys: keys as Record<string, unknown> });
+    return told.push({ act, keys: keys as Record<string, unknown> });
   } };
   const clock = { now: 0 };
   const held = new Held(road, () => clock.now);
@@ -50,6 +50,18 @@ test('a browser that stood still lets go', async () => {
   const count = b.told.length;
   await new Promise(done => setTimeout(done, 120));
   assert.equal(b.told.length, count, 'no token after it');
+});
+test('a refused command lets go once, and an older one of no press says nothing', () => {
+  const b = bench();
+  b.drive.press('KeyW', [1, 0, 0]);
+  b.drive.press('KeyQ', [0, 0, 1]);
+  const ids = b.told.flatMap((x, k) => x.act === 'drive' ? [k + 1] : []);
+  assert.ok(ids.length >= 2);
+  assert.equal(b.drive.wasRefused(ids[0]!, 'the picture is 1.2 s old'), true);
+  assert.equal(b.drive.wasRefused(ids[1]!, 'the picture is 1.2 s old'), true);
+  assert.deepEqual(b.lost, [['drive']]);
+  assert.equal(b.drive.driving, false);
+  assert.equal(b.drive.wasRefused(b.told.length + 1, 'nothing is held'), false);
 });
 test('after a freeze the command whose timer is first does not go', () => {
   const b = bench();

@@ -3,7 +3,7 @@
 import { Held } from './held';
 
 export interface DriveRoad {
-  tell: (act: string, keys: object) => void;
+  tell: (act: string, keys: object) => number;
 }
 
 export interface DriveGate {
@@ -39,6 +39,7 @@ export class Drive {
   private pad: Command | null = null;
   private padWasHeld = false;
   private timer: ReturnType<typeof setInterval> | null = null;
+  private readonly sent = new Set<number>();  // ids of commands since a press
 
   constructor(private readonly road: DriveRoad, private readonly held: Held,
     private readonly gate: DriveGate, private readonly refused: (why: string) => void,
@@ -94,7 +95,16 @@ export class Drive {
     if (this.pad) this.pad = [-stick(pad, 1), -stick(pad, 0), -stick(pad, 2)];
   }
 
+  // The box refuses a command: the hold is let go and told once, not 20 times a second. False: the
+  // answer is of no command.
+  wasRefused(id: number, why: string): boolean {
+    if (!this.sent.has(id)) return false;
+    this.held.lose(why, ['drive']);
+    return true;
+  }
+
   private begin(): void {
+    if (!this.driving) this.sent.clear();
     this.held.press('drive');
     this.send();
     this.timer ??= setInterval(() => {
@@ -128,9 +138,9 @@ export class Drive {
       for (let k = 0; k < 3; ++k) sum[k]! += command[k]!;
     }
     const unit = (v: number) => Math.max(-1, Math.min(1, v));
-    this.road.tell('drive', {
+    this.sent.add(this.road.tell('drive', {
       vx: this.speed * unit(sum[0]), vy: this.speed * unit(sum[1]),
       wz: turn * this.speed * unit(sum[2]),
-    });
+    }));
   }
 }

@@ -91,9 +91,11 @@ export class Link {
     });
   }
 
-  // What is not answered, or only when refused: token, hand, drive.
-  tell(act: string, keys: object): void {
-    this.write({ id: this.nextId++, act, ...keys });
+  // What is not answered, or only when refused: token, hand, drive. Returns its id.
+  tell(act: string, keys: object): number {
+    const id = this.nextId++;
+    this.write({ id, act, ...keys });
+    return id;
   }
 
   // Beside the WebSocket and its queue. Both ways are tried: one of them may be what is broken.
