@@ -7,9 +7,11 @@
 #include <string_view>
 #include <vector>
 
+#include "rt/audit/black_box.hpp"
 #include "rt/store/store_files.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/whole_file.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 
@@ -29,6 +31,8 @@ constexpr std::array<std::string_view, 10> kOfABox{".log",      ".1.log",    ".2
 constexpr std::array<std::string_view, 11> kOfARun{
     "scene.toml", "faults.toml",  "scene.ply", "console.log", "console.json",  "link.cut",
     "notes",      "not_realtime", "pids",      "robot.port",  "robot.port.tmp"};
+
+constexpr std::string_view kBefore = "before-";
 
 bool cut_head(std::string_view& text, std::string_view head) {
   if (text.substr(0, head.size()) != head) return false;
@@ -54,6 +58,29 @@ bool of_a_box(std::string_view name) {
          name.substr(dot) == ".blackbox";
 }
 
+bool is_black_box_name(std::string_view name) {
+  return of_a_box(name) && name.ends_with(".blackbox");
+}
+
+// Number of before-<n>; 0: it is none.
+std::uint64_t number_of(std::string_view name) {
+  if (!cut_head(name, kBefore) || !all_digits(name) || name.size() > 18) return 0;
+  return std::stoull(std::string(name));
+}
+
+// What an earlier run's stops left: black boxes and the logs beside them, nothing else.
+bool is_kept_folder(const fs::directory_entry& entry) {
+  if (number_of(entry.path().filename().string()) == 0 || !fs::is_directory(entry.symlink_status()))
+    return false;
+  return std::all_of(
+      fs::directory_iterator(entry.path()), fs::directory_iterator(),
+      [](const fs::directory_entry& e) {
+        const std::string name = e.path().filename();
+        return fs::is_regular_file(e.symlink_status()) &&
+               (is_black_box_name(name) || (of_a_box(name) && name.ends_with(".log")));
+      });
+}
+
 bool of_a_run(std::string_view name) {
   // What a run that was killed while it wrote its mesh left beside it.
   return one_of(kOfARun, name) || (cut_head(name, "scene.ply.tmp") && all_digits(name));
@@ -69,13 +96,15 @@ bool is_run_store(const fs::directory_entry& entry) {
                      });
 }
 
-// Names of all that is in the folder. Throws unless all of it is a run's.
+// Names of all that is in the folder but for what is kept of earlier runs. Throws unless all of it
+// is a run's.
 std::vector<std::string> files_of_a_run(const std::string& folder) {
   std::vector<std::string> names;
   std::string foreign;
   bool is_runs = false;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename();
+    if (is_kept_folder(entry)) continue;
     const bool known = name == kRunFolderMark || of_a_box(name) || of_a_run(name);
     // Another folder or a link under a known name is nothing that a run makes.
     if (!known || !(fs::is_regular_file(entry.symlink_status()) || is_run_store(entry)))
@@ -91,6 +120,37 @@ std::vector<std::string> files_of_a_run(const std::string& folder) {
   return names;
 }
 
+// Not of an end that was asked for, with no stop but its own ramp down.
+bool is_evidence(const std::string& path) {
+  const auto box = rt::read_black_box(path);
+  return !box || !box.value().stop.starts_with(kAskedToEnd) ||
+         box.value().stop.find("safe stop") != std::string::npos;
+}
+
+// The black boxes of the last run's stops, and its logs, go to before-<n>, the newest with the
+// highest number.
+void keep_black_boxes(const std::string& folder, const std::vector<std::string>& names) {
+  if (std::none_of(names.begin(), names.end(), [&](const std::string& name) {
+        return is_black_box_name(name) && is_evidence(folder + "/" + name);
+      }))
+    return;
+  std::vector<std::uint64_t> kept;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (const auto n = number_of(entry.path().filename().string()); n > 0) kept.push_back(n);
+  }
+  std::sort(kept.begin(), kept.end());
+  const auto place = [&](std::uint64_t n) {
+    return folder + "/" + std::string(kBefore) + std::to_string(n);
+  };
+  const std::string into = place(kept.empty() ? 1 : kept.back() + 1);
+  fs::create_directory(into);
+  for (const auto& name : names) {
+    if (is_black_box_name(name) || name == "operator.log" || name == "robot.log")
+      fs::rename(folder + "/" + name, into + "/" + name);
+  }
+  for (std::size_t i = 0; i + kKeptRuns <= kept.size(); ++i) fs::remove_all(place(kept[i]));
+}
+
 }  // namespace
 
 void make_run_folder(const std::string& report) {
@@ -101,7 +161,9 @@ void make_run_folder(const std::string& report) {
 }
 
 void clear_run_folder(const std::string& folder) {
-  for (const auto& name : files_of_a_run(folder)) {
+  const std::vector<std::string> names = files_of_a_run(folder);
+  keep_black_boxes(folder, names);
+  for (const auto& name : names) {
     if (name != kRunFolderMark) fs::remove_all(folder + "/" + name);
   }
 }

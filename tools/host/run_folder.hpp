@@ -6,9 +6,15 @@
 // run's file only if the folder has kRunFolderMark, or a box's log from before that mark existed.
 #pragma once
 
+#include <cstddef>
 #include <string>
 
 namespace teletact {
+
+// A run's black boxes outlive it: when the next one clears the folder, they and the logs beside
+// them go to REPORT/raw/before-<n>, the newest of them with the highest number. Of an end that was
+// asked for, without another stop, nothing is kept.
+inline constexpr std::size_t kKeptRuns = 5;
 
 inline constexpr const char* kRunFolderMark = "of_teletact_demo.txt";
 
@@ -16,7 +22,8 @@ inline constexpr const char* kRunFolderMark = "of_teletact_demo.txt";
 // std::runtime_error with one line that names the folder and the file; nothing was changed then.
 void make_run_folder(const std::string& report);
 
-// Removes an earlier run's files; the mark stays. Throws as above, before anything is removed.
+// Removes an earlier run's files, but for its black boxes (above); the mark stays. Throws as above,
+// before anything is removed.
 void clear_run_folder(const std::string& folder);
 
 }  // namespace teletact

@@ -81,20 +81,39 @@ void BoxRecorder::catch_crashes() noexcept {
 }
 
 void BoxRecorder::watch(const tasks::ModeMsg& mode, rt::Time now) {
-  if (is_stop(mode.mode) && mode.mode != mode_ && pending_.empty() && stops_ < kMaxStops) {
-    pending_ = std::string(mode.mode == tasks::Mode::kSafeStop ? "safe stop: " : "ramp down: ") +
-               fault_text(mode.cause) + fault_advice(mode.cause);
-    due_ = now + kAfterStop;
+  const bool safe = mode.mode == tasks::Mode::kSafeStop;
+  if (is_stop(mode.mode) && mode.mode != mode_) {
+    const std::string why = std::string(safe ? "safe stop: " : "ramp down: ") +
+                            fault_text(mode.cause) + fault_advice(mode.cause);
+    if (pending_.empty()) {
+      pending_ = why;
+      due_ = now + kAfterStop;
+    } else if (safe) {
+      pending_ += "; then " + why;
+    }
+    pending_safe_ = pending_safe_ || safe;
   }
   mode_ = mode.mode;
   if (!pending_.empty() && now >= due_) copy_stop();
 }
 
+std::string BoxRecorder::copy_of(int stop) const {
+  return stem_ + ".stop" + std::to_string(stop) + ".blackbox";
+}
+
 void BoxRecorder::copy_stop() {
-  const std::string path = stem_ + ".stop" + std::to_string(++stops_) + ".blackbox";
+  const std::string path = copy_of(++stops_);
+  kept_.push_back({stops_, pending_safe_});
   if (!writer_.copy_to(path, pending_))
     std::fprintf(stderr, "teletact: %s: can not be written\n", path.c_str());
   pending_.clear();
+  pending_safe_ = false;
+  if (kept_.size() <= kMaxStops) return;
+  auto goes = std::find_if(kept_.begin(), kept_.end(), [](const Kept& k) { return !k.safe; });
+  if (goes == kept_.end()) goes = kept_.begin();
+  std::error_code ignored;
+  std::filesystem::remove(copy_of(goes->number), ignored);
+  kept_.erase(goes);
 }
 
 void BoxRecorder::end(const std::string& why) {

@@ -3,7 +3,8 @@
 //
 // A normal end removes it. Anything else leaves it: an end by request, a hung task, an error, a crash,
 // SIGKILL. A ramp down or safe stop in the midst of a run that goes on leaves a copy of the seconds
-// round it, <box>.stop<n>.blackbox, at most kMaxStops of them. All by ordinary threads.
+// round it, <box>.stop<n>.blackbox. They are numbered on; of more than kMaxStops the oldest goes, a
+// ramp down before a safe stop. All by ordinary threads.
 //
 // Records beside 'J' and 'S':
 //   'L'  a line of a task's log: "<time s> <task>: text"
@@ -29,7 +30,7 @@ struct RecordingMark {
 
 class BoxRecorder {
  public:
-  static constexpr int kMaxStops = 8;
+  static constexpr std::size_t kMaxStops = 8;
   static constexpr rt::Nanos kAfterStop = std::chrono::milliseconds{500};
 
   // Throws std::runtime_error naming the file.
@@ -51,12 +52,19 @@ class BoxRecorder {
   void end(const std::string& why);
 
  private:
+  struct Kept {
+    int number;
+    bool safe;
+  };
   void copy_stop();
+  [[nodiscard]] std::string copy_of(int stop) const;
   std::string stem_;
   rt::BlackBoxWriter writer_;
   tasks::Mode mode_ = tasks::Mode::kInit;
   int stops_ = 0;
+  std::vector<Kept> kept_;
   std::string pending_;  // why of the stop whose copy is due
+  bool pending_safe_ = false;
   rt::Time due_{};
 };
 

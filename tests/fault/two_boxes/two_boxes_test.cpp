@@ -72,4 +72,21 @@ void tell(const std::string& name, bool operator_first, bool robot_dials) {
 TEST(TwoBoxes, TheOperatorFirstAndTheRobotListens) { tell("a", true, false); }
 TEST(TwoBoxes, TheRobotFirstAndDials) { tell("b", false, true); }
 
+// As a service does it: SIGTERM, and the same command again. Nothing that the first run left refuses
+// the second.
+TEST(TwoBoxes, AnOrderlyStopAndAStartAgainInTheSameFolder) {
+  Boxes b("again", false);
+  for (BoxProgram* box : {&b.robot, &b.op}) {
+    for (int n = 1; n <= 2; ++n) {
+      box->start();
+      const bool up = b.until([&](const Json& r, const Json& o) {
+        return waits(box == &b.robot ? r : o) || box->ended();
+      });
+      if (!up && b.ending != Ending::kGood) GTEST_SKIP() << "the machine disturbed the tasks";
+      ASSERT_FALSE(box->ended()) << "start " << n << ": " << box->output();
+      EXPECT_EQ(box->stop(), 0) << box->output();
+    }
+  }
+}
+
 }  // namespace

@@ -63,31 +63,17 @@ class RunFolder : public testing::Test {
                                    testing::UnitTest::GetInstance()->current_test_info()->name());
 };
 
-const std::set<std::string> kOfARun{"operator.log",
-                                    "robot.log",
-                                    "operator.run",
-                                    "robot.run",
-                                    "operator.view",
-                                    "robot.view.tmp",
-                                    "operator.effects",
-                                    "robot.inputs",
-                                    "robot.blackbox",
-                                    "operator.stop",
-                                    "robot.stop",
-                                    "operator.stop1.blackbox",
-                                    "robot.stop12.blackbox",
-                                    "robot.port",
-                                    "robot.port.tmp",
-                                    "scene.toml",
-                                    "faults.toml",
-                                    "scene.ply",
-                                    "scene.ply.tmp4711",
-                                    "console.log",
-                                    "console.json",
-                                    "link.cut",
-                                    "notes",
-                                    "not_realtime",
-                                    "pids"};
+const std::set<std::string> kOfARun{"operator.log",     "robot.log",
+                                    "operator.run",     "robot.run",
+                                    "operator.view",    "robot.view.tmp",
+                                    "operator.effects", "robot.inputs",
+                                    "operator.stop",    "robot.stop",
+                                    "robot.port",       "robot.port.tmp",
+                                    "scene.toml",       "faults.toml",
+                                    "scene.ply",        "scene.ply.tmp4711",
+                                    "console.log",      "console.json",
+                                    "link.cut",         "notes",
+                                    "not_realtime",     "pids"};
 
 TEST_F(RunFolder, AnEarlierRunsFilesAreTakenAway) {
   for (const auto& name : kOfARun) put(name);
@@ -97,11 +83,33 @@ TEST_F(RunFolder, AnEarlierRunsFilesAreTakenAway) {
   EXPECT_EQ(names(), std::set<std::string>{kMark});
 }
 
+// The evidence of a crash outlives the restart that follows it: a few times, and no more.
+TEST_F(RunFolder, BlackBoxesAreKeptWithTheLogsBesideThem) {
+  teletact::make_run_folder(report());
+  for (int run = 1; run <= 8; ++run) {
+    for (const std::string name : {"robot.log", "robot.1.log", "robot.run", "robot.stop",
+                                   "robot.blackbox", "robot.stop12.blackbox"})
+      put(name, "run " + std::to_string(run));
+    EXPECT_EQ(refusal(), "") << run;
+  }
+  EXPECT_EQ(names(), (std::set<std::string>{kMark, "before-4", "before-5", "before-6", "before-7",
+                                            "before-8"}));
+  for (const std::string name : {"robot.blackbox", "robot.stop12.blackbox", "robot.log"})
+    EXPECT_EQ(text_of("before-8/" + name), "run 8") << name;
+  EXPECT_FALSE(fs::exists(raw() + "/before-8/robot.run"));
+  put("robot.log", "nothing happened in this one");
+  EXPECT_EQ(refusal(), "");
+  EXPECT_FALSE(fs::exists(raw() + "/before-9"));
+  std::ofstream(raw() + "/before-8/mine") << "mine";
+  EXPECT_THAT(refusal(), HasSubstr("holds before-8,")) << "what a user put there is the user's";
+  EXPECT_EQ(text_of("before-8/mine"), "mine");
+}
+
 TEST_F(RunFolder, WhatNoRunWroteIsRefusedAndAllStays) {
   for (const std::string name :
        {"thesis.pdf", "operator", "operator.run.old", "my_robot.run", "robot.blackbox.gz",
         "operator.stop.blackbox", "operator.stopx.blackbox", "operator.stop1", "mine.blackbox",
-        "scene.ply.tmp", "scene.ply.tmpx", "Notes", "pids~"}) {
+        "before-1", "before-x", "mine.stop", "scene.ply.tmp", "scene.ply.tmpx", "Notes", "pids~"}) {
     for (const auto& other : kOfARun) put(other);
     put(name);
     const auto before = names();

@@ -144,8 +144,37 @@ TEST(BlackBoxOfARun, EndlessStopsLeaveABoundedNumber) {
     box.watch(mode, now += std::chrono::seconds{1});
   }
   box.end("");
-  EXPECT_EQ(teletact::black_boxes_in(f.path).size(),
-            static_cast<std::size_t>(BoxRecorder::kMaxStops));
+  EXPECT_EQ(teletact::black_boxes_in(f.path).size(), BoxRecorder::kMaxStops);
+  EXPECT_TRUE(fs::exists(f.path + "/robot.stop40.blackbox")) << "the newest is there";
+  EXPECT_FALSE(fs::exists(f.path + "/robot.stop1.blackbox"));
+}
+
+// A ramp down is an everyday thing, a safe stop is not: a hundred of the one take no place of the
+// other. A safe stop that follows a ramp down at once is in its copy.
+TEST(BlackBoxOfARun, SafeStopsOutliveRampDowns) {
+  const Folder f;
+  BoxRecorder box(f.path, rt::Box::kRobot, header(), 0.5);
+  tasks::ModeMsg mode;
+  rt::Time now{};
+  const auto stop = [&](tasks::Mode first, tasks::Mode then) {
+    mode.mode = first;
+    box.watch(mode, now += std::chrono::seconds{1});
+    mode.mode = then;
+    box.watch(mode, now += std::chrono::milliseconds{20});
+    mode.mode = tasks::Mode::kHold;
+    box.watch(mode, now += std::chrono::seconds{1});
+  };
+  stop(tasks::Mode::kSafeStop, tasks::Mode::kSafeStop);
+  stop(tasks::Mode::kRampDown, tasks::Mode::kSafeStop);
+  for (int i = 0; i < 20; ++i) stop(tasks::Mode::kRampDown, tasks::Mode::kRampDown);
+  box.end("");
+  const auto all = teletact::black_boxes_in(f.path);
+  EXPECT_EQ(all.size(), BoxRecorder::kMaxStops);
+  EXPECT_THAT(all, Contains(AllOf(HasSubstr("robot.stop1.blackbox"), HasSubstr("safe stop: "))));
+  EXPECT_THAT(all, Contains(AllOf(HasSubstr("robot.stop2.blackbox"), HasSubstr("ramp down: "),
+                                  HasSubstr("; then safe stop: "))));
+  EXPECT_THAT(all, Contains(HasSubstr("robot.stop22.blackbox")));
+  EXPECT_FALSE(fs::exists(f.path + "/robot.stop3.blackbox"));
 }
 
 // Each way to crash leaves its number; the process still dies of it.
