@@ -21,6 +21,11 @@ struct AuditInput {
 // alone.
 [[nodiscard]] AuditInput read_files(const std::vector<std::string>& files, const rt::StorePiece&);
 
+// Throws std::runtime_error that says where the run ends, when nothing of `logs`, which were read
+// from `files`, lies in the piece.
+void check_piece(const std::vector<std::string>& files, const std::vector<const rt::RunLog*>& logs,
+                 const rt::StorePiece& piece);
+
 struct AuditedTask {
   const rt::RunLog* log = nullptr;
   const rt::TaskLog* task = nullptr;

@@ -76,6 +76,10 @@ class Values {
     }
     return 0.0;
   }
+  [[nodiscard]] bool known(const std::string& name) const {
+    const auto& rows = metrics_.rows();
+    return std::any_of(rows.begin(), rows.end(), [&](const auto& r) { return r.name == name; });
+  }
 
  private:
   const Metrics& metrics_;
@@ -128,10 +132,12 @@ void add_touch(const RunInfo& info, const OperatorHalf& op, const Values& value,
       "haptic: %.0f releases = %.0f completed + %.0f skipped + %.0f aborted; misses %.0f, own %.0f",
       value("haptic.releases"), value("haptic.completed"), value("haptic.skipped"),
       value("haptic.aborted"), value("haptic.miss_total"), value("haptic.miss_own"));
-  d.verdicts.push_back({value("haptic.miss_own") == 0 ? State::kGood
-                        : untimed.empty()             ? State::kBad
-                                                      : State::kNote,
-                        text});
+  if (value.known("haptic.releases"))
+    d.verdicts.push_back({value("haptic.miss_own") == 0 ? State::kGood
+                          : untimed.empty()             ? State::kBad
+                                                        : State::kNote,
+                          text});
+  if (!value.known("haptic.contacts")) return;
   std::snprintf(text, sizeof text,
                 "touch: %.0f contacts, largest force %.2f N, share of time in contact %.2f",
                 value("haptic.contacts"), value("haptic.force_max_N"),
@@ -162,18 +168,26 @@ void add_objects(const OperatorHalf& op, ReportData& d) {
   }
 }
 
-void add_fusion(const OperatorHalf& op, const Values& value, ReportData& d) {
+void add_fusion(const RunInfo& info, const OperatorHalf& op, const Values& value, ReportData& d) {
   char text[240];
   std::snprintf(text, sizeof text, "fusion: %.0f of %.0f frames tracked",
                 value("fusion.frames_tracked"), value("fusion.frames"));
-  d.verdicts.push_back(
-      {value("fusion.frames_tracked") == value("fusion.frames") ? State::kGood : State::kNote,
-       text});
-  add_objects(op, d);
+  if (value.known("fusion.frames"))
+    d.verdicts.push_back(
+        {value("fusion.frames_tracked") == value("fusion.frames") ? State::kGood : State::kNote,
+         text});
+  if (!info.piece) add_objects(op, d);
 }
 
 void add_robot(const OperatorHalf& op, const Values& value, ReportData& d) {
   char text[240];
+  if (!value.known("mark.count")) {  // of a piece of the run
+    std::snprintf(text, sizeof text, "robot: %.2f m driven, %.0f collisions", value("robot.path_m"),
+                  value("robot.collisions"));
+    if (value.known("robot.path_m"))
+      d.verdicts.push_back({value("robot.collisions") == 0 ? State::kGood : State::kBad, text});
+    return;
+  }
   std::snprintf(text, sizeof text,
                 "robot: %.0f marks, %.0f paths, %.2f m driven, goal error %.3f m, %.0f collisions",
                 value("mark.count"), value("plan.paths"), value("robot.path_m"),
@@ -291,7 +305,7 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
   const Values value(m);
   const std::string untimed = not_measured(info, op, robot, m);
   add_touch(info, op, value, untimed, d);
-  add_fusion(op, value, d);
+  add_fusion(info, op, value, d);
   add_robot(op, value, d);
   add_allocations(d, d.verdicts);
   if (!info.virtual_clock) add_machine(info, op, robot, value, untimed, d);

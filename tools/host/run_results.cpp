@@ -17,16 +17,19 @@ namespace teletact {
 namespace {
 
 // Frames that fusion took, and frames that a newer one had replaced before fusion looked: the numbers
-// of the frames that its jobs used tell both.
-std::pair<std::uint64_t, std::uint64_t> frames_seen(const rt::TaskLog& fusion) {
-  std::uint64_t newest = 0, seen = 0;
+// of the frames that its jobs used tell both. Of a piece of the run the first frame of it counts as
+// the one behind the last before.
+std::pair<std::uint64_t, std::uint64_t> frames_seen(const rt::TaskLog& fusion, bool piece) {
+  std::uint64_t newest = 0, seen = 0, before = 0;
   if (fusion.past) {
     newest = fusion.past->newest_input;
     seen = fusion.past->inputs_seen;
   }
   for (const auto& j : fusion.jobs) {
+    if (piece && newest == 0 && j.input_seq[0] > 0) before = newest = j.input_seq[0] - 1;
     if (j.input_seq[0] > newest) ++seen, newest = j.input_seq[0];
   }
+  newest -= before;
   return {seen, newest - std::min(newest, seen)};
 }
 
@@ -271,7 +274,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     m.add("fusion.objects", op.view.objects.size, "1");
   }
   if (const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion)) {
-    const auto [seen, lost] = frames_seen(*fusion);
+    const auto [seen, lost] = frames_seen(*fusion, info.piece);
     m.add("fusion.frames_overwritten", static_cast<double>(lost), "1");
     m.add("fusion.frames_overwritten_share",
           static_cast<double>(lost) / static_cast<double>(std::max<std::uint64_t>(1, seen + lost)),

@@ -82,6 +82,7 @@ void save_effects(const std::string& folder, const std::string& box, const Effec
 struct RunInfo {
   std::string command, calibration_text, config_toml, started, folder;
   bool virtual_clock = false, stub_bodies = false, recording = false;
+  bool piece = false;  // the halves hold a piece of the run (tools/audit/run_piece.hpp)
   // Paced runs: the duration on the real clock, and the time by which the run stayed behind it.
   bool paced = false;
   double wall_s = 0, lag_s = 0;

@@ -1,10 +1,14 @@
 // teletact report FOLDER: the report of a run, or of a piece of it, from the files that it left.
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
+#include <limits>
 #include <stdexcept>
+#include <vector>
 
+#include "tools/audit/audit_input.hpp"
+#include "tools/audit/run_piece.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/host/run_results.hpp"
@@ -16,42 +20,45 @@ namespace teletact {
 
 namespace {
 
-// Samples of the consoles outside the piece go, and the figures of those that are gone.
-class Crop {
- public:
-  Crop(const rt::StorePiece& piece, std::int64_t epoch_ns) : piece_(piece), epoch_ns_(epoch_ns) {}
-  template <class T>
-  void operator()(std::vector<T>& samples) const {
-    std::erase_if(samples, [&](const T& s) {
-      const double at_s = 1e-9 * static_cast<double>(rt::ns_of(s.stamp) - epoch_ns_);
-      return at_s < piece_.from_s || at_s >= piece_.to_s;
-    });
-  }
-
- private:
-  rt::StorePiece piece_;
-  std::int64_t epoch_ns_;
-};
-
-void crop(const rt::StorePiece& piece, OperatorHalf& op, RobotHalf& robot) {
-  if (piece.all()) return;
-  const Crop of_op(piece, op.epoch_ns), of_robot(piece, robot.epoch_ns);
-  of_op(op.view.haptic);
-  of_op(op.view.fusion);
-  of_op(op.view.haptic_thin.kept);
-  of_robot(robot.view.robot);
-  of_robot(robot.view.truth);
-  of_robot(robot.view.robot_past.kept);
-  of_robot(robot.view.truth_past.kept);
-  op.view.haptic_past = {};
-  op.view.fusion_past = {};
-  op.view.touched_past.clear();
-  op.totals.clear();
-  robot.totals.clear();
-}
-
 bool no_sentinels(const rt::RunLog& log) {
   return log.sentinels.empty() && log.past_sentinels.empty();
+}
+
+// Of both boxes, or of one that ran by itself.
+std::vector<std::string> stores_in(const std::string& raw) {
+  std::vector<std::string> stores;
+  for (const char* box : {"/operator.run", "/robot.run"}) {
+    if (std::filesystem::exists(raw + box)) stores.push_back(raw + box);
+  }
+  if (stores.empty())
+    throw std::runtime_error(
+        raw +
+        ": neither operator.run nor robot.run is there; FOLDER is the folder raw of a run's "
+        "report");
+  return stores;
+}
+
+// What the machine refused once the threads were there; the records' header knows of the rest.
+void add_rights(const std::string& raw, rt::RunLog& log) {
+  std::ifstream missing(raw + "/not_realtime");
+  for (std::string line; std::getline(missing, line);) log.not_realtime.push_back(line);
+}
+
+void add_notes(const rt::StorePiece& piece, const OperatorHalf& op, const RobotHalf& robot,
+               const std::vector<std::string>& left_out, RunInfo& info) {
+  if (!piece.all()) {
+    char text[120], until[32] = "the end";
+    if (piece.to_s < std::numeric_limits<double>::infinity())
+      std::snprintf(until, sizeof until, "%.6g s", piece.to_s);
+    std::snprintf(text, sizeof text, "a piece of the run: from %.6g s to %s; ", piece.from_s,
+                  until);
+    info.notes.push_back(text + std::to_string(left_out.size()) +
+                         " figures are left out: they are known of the whole run alone, or of "
+                         "newer samples");
+  }
+  if (op.log.tasks.empty() || robot.log.tasks.empty())
+    info.notes.push_back(std::string("of the ") + (robot.log.tasks.empty() ? "operator" : "robot") +
+                         "'s box alone: the other box has a report of its own");
 }
 
 }  // namespace
@@ -69,35 +76,31 @@ int cmd_report(int argc, char** argv) {
   if (!parse_options(app, argc, argv)) return 0;
   const rt::StorePiece ends = asked.piece();
   check_outputs({{"--json", json}}, {});
-  for (const char* box : {"/operator.run", "/robot.run"}) {
-    if (!std::filesystem::exists(raw + box))
-      throw std::runtime_error(raw + box +
-                               ": not there; FOLDER is the folder raw of a run's report");
-  }
+  const auto stores = stores_in(raw);
   make_output_folder("--report", folder);
   OperatorHalf op;
   RobotHalf robot;
   const rt::StorePiece piece{ends.from_s, ends.to_s, ends.all() ? kOfReport.whole_s : ends.whole_s};
   load_half(raw, op, piece);
   load_half(raw, robot, piece);
-  if (op.log.tasks.empty() || robot.log.tasks.empty())
+  const std::size_t read = (op.log.tasks.empty() ? 0 : 1) + (robot.log.tasks.empty() ? 0 : 1);
+  if (read < stores.size())
     throw std::runtime_error(raw + ": the job records can not be read; teletact audit says why");
-  crop(piece, op, robot);
+  check_piece(stores, {&op.log, &robot.log}, ends);
+  add_rights(raw, op.log.tasks.empty() ? robot.log : op.log);
   RunInfo info;
+  info.piece = !piece.all();
+  const auto left_out = info.piece ? crop_to(piece, op, robot) : std::vector<std::string>{};
   for (int i = 0; i < argc; ++i)
     info.command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
   info.folder = folder;
   info.host = host_rows();
   info.virtual_clock = no_sentinels(op.log) && no_sentinels(robot.log);
   info.effects = load_effects(raw);
-  if (!piece.all()) {
-    char text[120];
-    std::snprintf(text, sizeof text, "a piece of the run: from %.6g s to %.6g s", piece.from_s,
-                  piece.to_s);
-    info.notes.emplace_back(text);
-  }
-  Metrics metrics("report");
-  add_metrics(info, op, robot, metrics);
+  add_notes(piece, op, robot, left_out, info);
+  Metrics all("report");
+  add_metrics(info, op, robot, all);
+  const Metrics metrics = without(all, "report", left_out);
   write_report(folder, make_report(info, op, robot, metrics));
   if (!json.empty()) metrics.write(json);
   for (const auto* log : {&op.log, &robot.log}) {
