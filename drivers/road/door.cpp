@@ -12,20 +12,63 @@ bool same_box(const RoadPeer& a, const RoadPeer& b) noexcept {
   return a.serial == b.serial && a.key_sha256 == b.key_sha256;
 }
 
+// Moves the key's entry to the end; the oldest of too many goes.
+template <class Entry>
+void remember(std::vector<Entry>& entries, Entry entry) {
+  std::erase_if(entries, [&](const Entry& e) { return e.key == entry.key; });
+  entries.push_back(std::move(entry));
+  if (entries.size() > RoadDoor::kMostRemembered) entries.erase(entries.begin());
+}
+
 }  // namespace
+
+std::string RoadDoor::busy() const {
+  const bool robot = role_ == rt::Box::kRobot;
+  return std::string("busy: ") + (robot ? "operator '" : "robot '") + peer_.name +
+         "' is connected; " +
+         (robot ? "one operator at a time" : "an operator has one robot at a time");
+}
+
+bool RoadDoor::another_waits(const RoadPeer& peer, std::int64_t now_ns) const noexcept {
+  return std::any_of(asked_.begin(), asked_.end(), [&](const Asked& a) {
+    return a.key != peer.key_sha256 && now_ns - a.at_ns <= kSitOut.count();
+  });
+}
+
+std::string RoadDoor::judge(const RoadPeer& peer, std::int64_t now_ns) {
+  if (now_ns < first_word_until_ns_ && peer.key_sha256 != first_word_.key_sha256)
+    return "busy: '" + first_word_.name + "' was cut off and has the first word for some seconds";
+  const bool unkept = std::any_of(unkept_.begin(), unkept_.end(), [&](const Unkept& u) {
+    return u.key == peer.key_sha256 && now_ns < u.until_ns;
+  });
+  if (unkept && another_waits(peer, now_ns))
+    return "its last second connection did not come, and another box waits: it sits out some "
+           "seconds";
+  if (state_ == State::kTaken) return busy();
+  if (state_ == State::kPromised) {
+    if (peer.key_sha256 == peer_.key_sha256 || now_ns < firm_until_ns_) return busy();
+    leave(now_ns, End::kOver);
+    displaced_ = true;
+  }
+  return {};
+}
 
 std::string RoadDoor::ask_control(const RoadPeer& peer, std::int64_t now_ns,
                                   const RoadToken& fresh) {
-  if (overdue(now_ns)) leave();
-  if (state_ != State::kFree) {
-    const bool robot = role_ == rt::Box::kRobot;
-    return std::string("busy: ") + (robot ? "operator '" : "robot '") + peer_.name +
-           "' is connected; " +
-           (robot ? "one operator at a time" : "an operator has one robot at a time");
+  displaced_ = false;
+  if (overdue(now_ns)) {
+    leave(now_ns, End::kOver);
+    displaced_ = true;
   }
+  if (std::string why = judge(peer, now_ns); !why.empty()) {
+    remember(asked_, Asked{peer.key_sha256, now_ns});
+    return why;
+  }
+  std::erase_if(asked_, [&](const Asked& a) { return a.key == peer.key_sha256; });
   state_ = State::kPromised;
   peer_ = peer;
   token_ = fresh;
+  firm_until_ns_ = now_ns + kFirm.count();
   until_ns_ = now_ns + kTokenLife.count();
   return {};
 }
@@ -37,36 +80,20 @@ std::string RoadDoor::ask_bulk(const RoadPeer& peer, std::int64_t now_ns, const 
   const bool same = CRYPTO_memcmp(token.data(), token_.data(), token.size()) == 0;
   if (!same || !same_box(peer, peer_)) return "the second connection does not belong to the first";
   state_ = State::kTaken;
+  first_word_until_ns_ = 0;
   token_ = {};
   return {};
 }
 
-void RoadDoor::leave() noexcept {
+void RoadDoor::leave(std::int64_t now_ns, End end) noexcept {
+  if (state_ == State::kPromised && end != End::kForgotten)
+    remember(unkept_, Unkept{peer_.key_sha256, now_ns + kSitOut.count()});
+  if (state_ == State::kTaken && end == End::kCut) {
+    first_word_ = peer_;
+    first_word_until_ns_ = now_ns + kFirstWord.count();
+  }
   state_ = State::kFree;
   token_ = {};
-}
-
-std::size_t arrival_to_drop(std::span<const std::string> addresses) noexcept {
-  std::size_t drop = 0;
-  std::ptrdiff_t most = 0;
-  for (std::size_t i = 0; i < addresses.size(); ++i) {
-    const auto n = std::count(addresses.begin(), addresses.end(), addresses[i]);
-    if (n <= most) continue;
-    most = n;
-    drop = i;
-  }
-  return drop;
-}
-
-bool ArrivalRate::may_begin(std::int64_t now_ns) noexcept {
-  if (begun_) {
-    left_ = std::min(kAtOnce, left_ + 1e-9 * kPerSecond * static_cast<double>(now_ns - last_ns_));
-  }
-  begun_ = true;
-  last_ns_ = now_ns;
-  if (left_ < 1) return false;
-  left_ -= 1;
-  return true;
 }
 
 }  // namespace drivers

@@ -28,6 +28,13 @@ using BioPtr = std::unique_ptr<BIO, BioFree>;
 // Nobody is asked for a password: a box starts without a person beside it.
 int no_password(char*, int, int, void*) { return -1; }
 
+constexpr const char* kNotOurs =
+    "must belong to the user of this program or to root, and nobody else may write it (chmod go-w)";
+
+bool only_ours(const struct stat& info) noexcept {
+  return (info.st_mode & 022U) == 0 && (info.st_uid == ::geteuid() || info.st_uid == 0);
+}
+
 rt::Result<std::string> read_file(const std::string& path, bool secret) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return rt::Error{path + ": " + std::strerror(errno)};
@@ -37,6 +44,8 @@ rt::Result<std::string> read_file(const std::string& path, bool secret) {
     problem = "not an ordinary file";
   } else if (secret && ((info.st_mode & 077U) != 0 || info.st_uid != ::geteuid())) {
     problem = "a key must belong to the user of this program and be of mode 0600 (chmod 600)";
+  } else if (!secret && !only_ours(info)) {
+    problem = kNotOurs;
   } else if (info.st_size > static_cast<off_t>(kMostFile)) {
     problem = "longer than 1 MiB";
   } else {
@@ -90,6 +99,12 @@ std::string openssl_text() {
   ERR_clear_error();
   const char* text = code == 0 ? nullptr : ERR_reason_error_string(code);
   return text == nullptr ? "no such thing in it" : text;
+}
+
+rt::Result<bool> check_folder(const std::string& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0 || only_ours(info)) return true;
+  return rt::Error{path + ": the folder of the keys " + kNotOurs};
 }
 
 rt::Result<CertificatePtr> read_certificate(const std::string& path) {

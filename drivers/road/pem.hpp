@@ -23,6 +23,10 @@ using CertificatePtr = std::unique_ptr<X509, PemFree>;
 using RevokedPtr = std::unique_ptr<X509_CRL, PemFree>;
 using KeyPtr = std::unique_ptr<EVP_PKEY, PemFree>;
 
+// Who may write a certificate, a list or their folder decides whom this box trusts: each is refused
+// unless it is this user's or root's, and nobody else may write it. A folder that is not there is
+// for who reads its files.
+[[nodiscard]] rt::Result<bool> check_folder(const std::string& path);
 [[nodiscard]] rt::Result<CertificatePtr> read_certificate(const std::string& path);
 // Refused unless it belongs to this user and nobody else may read it.
 [[nodiscard]] rt::Result<KeyPtr> read_key(const std::string& path);

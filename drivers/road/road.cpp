@@ -23,6 +23,11 @@ std::string problem_of(const RoadOptions& o) {
   if (o.port < (o.listen ? 0 : 1) || o.port > 65535)
     return out_of("port", std::to_string(o.port), o.listen ? "0..65535" : "1..65535");
   if (o.address.empty()) return out_of("address", "''", "an address");
+  boost::system::error_code code;
+  static_cast<void>(boost::asio::ip::make_address(o.address, code));
+  if (o.listen && code)
+    return "road: listen on " + o.address + ":" + std::to_string(o.port) +
+           ": not an IPv4 or IPv6 address";
   if (!(o.rate_Mbit_per_s >= 0 && o.rate_Mbit_per_s <= 10000))
     return out_of("rate_Mbit_per_s", std::to_string(o.rate_Mbit_per_s), "0..10000");
   if (o.handshake_limit.count() <= 0 || o.silence_limit.count() <= 0 ||
@@ -55,7 +60,7 @@ Road::Impl::Impl(const RoadOptions& o, const Caps& caps, std::unique_ptr<RoadTru
 }
 
 Road::Impl::~Impl() {
-  for (auto* list : {&arrivals_, &leaving_})
+  for (auto* list : {&doorstep_.arrivals, &doorstep_.leaving})
     for (Arrival& a : *list) a.connection->close();
   // Before io_, which their timers are of.
   for (Shared* c : {&control, &bulk}) {
@@ -78,10 +83,11 @@ void Road::Impl::run_for(rt::Nanos span) {
 void Road::Impl::tick(std::int64_t now_ns) {
   if (options.listen) {
     accept_one();
+    give_turns(now_ns);
     if (door_.overdue(now_ns)) {
       ++counts.refused;
-      last_refusal = "the second connection of a session did not come";
-      drop_connections(false);
+      last_refusal = "'" + control->peer().name + "': the second connection did not come";
+      drop_connections(false, RoadDoor::End::kOver);
     }
   } else {
     dial_if_due(now_ns);
@@ -90,7 +96,7 @@ void Road::Impl::tick(std::int64_t now_ns) {
   look_at_list(now_ns);
   look_at_pace(now_ns);
   if (up && now_ns - heard_ns_ > options.silence_limit.count())
-    close_session("nothing was heard of the other box for too long");
+    close_session("nothing was heard of the other box for too long", RoadDoor::End::kCut);
 }
 
 void Road::Impl::look_at_list(std::int64_t now_ns) {
@@ -100,8 +106,11 @@ void Road::Impl::look_at_list(std::int64_t now_ns) {
   make_context();
   if (!control || !trust->revoked(control->peer().serial)) return;
   ++counts.revoked_live;
-  if (up) return close_session("the certificate of '" + last_peer.name + "' is revoked", false);
-  drop_connections(false);
+  constexpr auto kForgotten = RoadDoor::End::kForgotten;
+  if (up)
+    return close_session("the certificate of '" + last_peer.name + "' is revoked", kForgotten,
+                         false);
+  drop_connections(false, kForgotten);
 }
 
 void Road::Impl::look_at_pace(std::int64_t now_ns) {
@@ -121,7 +130,7 @@ void Road::Impl::look_at_pace(std::int64_t now_ns) {
 void Road::Impl::session_up() {
   const std::int64_t now = rt::monotonic_ns();
   up = true;
-  dialling_ = false;
+  dialling_ = end_expected = false;
   up_ns_ = heard_ns_ = now;
   next_pace_ns_ = now + RoadPace::kPeriod.count();
   next_anew_ns_ = now + kAnew;
@@ -129,6 +138,8 @@ void Road::Impl::session_up() {
   set_up_road_socket(bulk->fd(), true, pace.pacing_rate());
   ++counts.sessions;
   last_peer = control->peer();
+  last_address = control->address();
+  doorstep_.turns.had_session(place_of(last_address));
   last_congestion = congestion_of(bulk->fd());
   last_end.clear();
   control->allow_messages(caps_.control);
@@ -139,28 +150,30 @@ void Road::Impl::session_up() {
 
 void Road::Impl::leave_slowly(Shared connection) {
   if (connection && !connection->gone())
-    leaving_.push_back({std::move(connection), rt::monotonic_ns() + kLastWords});
+    doorstep_.leaving.push_back({std::move(connection), rt::monotonic_ns() + kLastWords});
 }
 
-void Road::Impl::drop_connections(bool gently) {
+void Road::Impl::drop_connections(bool gently, RoadDoor::End end) {
   for (Shared* c : {&control, &bulk}) {
     if (!*c) continue;
     gently ? (*c)->close_gently() : (*c)->close();
     leave_slowly(std::move(*c));
     c->reset();
   }
-  door_.leave();
+  door_.leave(rt::monotonic_ns(), end);
 }
 
-void Road::Impl::close_session(const std::string& why, bool gently) {
+void Road::Impl::close_session(const std::string& why, RoadDoor::End end, bool gently) {
   if (!up) return;
   up = false;
   last_end = why;
   const std::int64_t now = rt::monotonic_ns();
-  if (now - up_ns_ > kSteadySession) backoff_ = options.redial_first;
+  const bool steady = now - up_ns_ > kSteadySession;
+  if (steady) backoff_ = options.redial_first;
+  if ((!steady || end_expected) && end == RoadDoor::End::kCut) end = RoadDoor::End::kOver;
   next_dial_ns_ = now + backoff_.count();
   backoff_ = std::min(2 * backoff_, options.redial_most);
-  drop_connections(gently);
+  drop_connections(gently, end);
   if (handlers.down) handlers.down(why);
 }
 
@@ -184,12 +197,13 @@ bool Road::Impl::connection_frame(RoadConnection& c, RoadKind kind,
     if (kind != RoadKind::kMessage) return false;
     heard_ns_ = rt::monotonic_ns();
     if (!handlers.message || handlers.message(body)) return true;
-    close_session(handlers.closing_reason ? handlers.closing_reason() : "refused");
+    close_session(handlers.closing_reason ? handlers.closing_reason() : "refused",
+                  RoadDoor::End::kOver);
     return true;
   }
   if (!options.listen) return answered(c, kind, body);
   RoadGreet greet;
-  const bool arrival = std::any_of(arrivals_.begin(), arrivals_.end(),
+  const bool arrival = std::any_of(doorstep_.arrivals.begin(), doorstep_.arrivals.end(),
                                    [&](const Arrival& a) { return a.connection.get() == &c; });
   if (!arrival || kind != RoadKind::kGreet || !read_greet(body, greet)) return false;
   return greeted(c, greet);
@@ -197,9 +211,9 @@ bool Road::Impl::connection_frame(RoadConnection& c, RoadKind kind,
 
 void Road::Impl::connection_closed(RoadConnection& c, const std::string& why) {
   if (&c == control.get() || &c == bulk.get()) {
-    if (up) return close_session(why);
+    if (up) return close_session(why, RoadDoor::End::kCut);
     if (!options.listen) return dial_failed(why);
-    return drop_connections(true);
+    return drop_connections(true, RoadDoor::End::kOver);
   }
   if (auto shared = take_arrival(c)) {
     ++counts.refused;
@@ -230,6 +244,13 @@ rt::Nanos Road::Impl::bulk_busy_for() const noexcept {
   return rt::Nanos{1 + static_cast<std::int64_t>(1e9 * static_cast<double>(waits) / rate)};
 }
 
+rt::Result<bool> Road::check(const RoadOptions& options) {
+  if (const std::string problem = problem_of(options); !problem.empty()) return rt::Error{problem};
+  const auto trust = RoadTrust::load(options);
+  if (!trust) return rt::Error{trust.error()};
+  return true;
+}
+
 rt::Result<std::unique_ptr<Road>> Road::open(const RoadOptions& options, const Caps& caps) {
   if (const std::string problem = problem_of(options); !problem.empty()) return rt::Error{problem};
   auto trust = RoadTrust::load(options);
@@ -258,10 +279,15 @@ void Road::flush() {
   impl_->control->send();
   impl_->bulk->send();
 }
-void Road::close_session(const std::string& why) { impl_->close_session(why); }
+void Road::close_session(const std::string& why) {
+  impl_->close_session(why, RoadDoor::End::kOver);
+}
+void Road::expect_end() noexcept { impl_->end_expected = true; }
 int Road::port() const noexcept { return impl_->port; }
 int Road::wish() const noexcept { return impl_->up ? impl_->pace.wish() : 0; }
 const RoadPeer& Road::peer() const noexcept { return impl_->last_peer; }
+const std::string& Road::peer_address() const noexcept { return impl_->last_address; }
+const RoadPeer& Road::self() const noexcept { return impl_->trust->self(); }
 std::string Road::congestion() const { return impl_->last_congestion; }
 const RoadCounts& Road::counts() const noexcept { return impl_->counts; }
 const std::string& Road::last_end() const noexcept { return impl_->last_end; }

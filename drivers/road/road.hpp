@@ -32,6 +32,8 @@ class Road {
 
   [[nodiscard]] static rt::Result<std::unique_ptr<Road>> open(const RoadOptions& options,
                                                               const Caps& caps);
+  // What open() would refuse but for the port.
+  [[nodiscard]] static rt::Result<bool> check(const RoadOptions& options);
   ~Road();
   Road(const Road&) = delete;
   Road& operator=(const Road&) = delete;
@@ -54,10 +56,15 @@ class Road {
   // Ends the session; what waits is sent first.
   void close_session(const std::string& why);
 
+  // The other side has said that it leaves: an end of the connection is no cut.
+  void expect_end() noexcept;
+
   [[nodiscard]] int port() const noexcept;
   [[nodiscard]] int wish() const noexcept;  // quality steps to be spared, 0 to 5: pace.hpp
-  [[nodiscard]] const RoadPeer& peer() const noexcept;  // of the last session
-  [[nodiscard]] std::string congestion() const;         // of the last session
+  [[nodiscard]] const RoadPeer& peer() const noexcept;             // of the last session
+  [[nodiscard]] const std::string& peer_address() const noexcept;  // likewise
+  [[nodiscard]] const RoadPeer& self() const noexcept;             // this box's certificate
+  [[nodiscard]] std::string congestion() const;                    // of the last session
   [[nodiscard]] const RoadCounts& counts() const noexcept;
   // Why the last attempt to dial, or the last session, ended.
   [[nodiscard]] const std::string& last_end() const noexcept;

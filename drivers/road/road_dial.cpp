@@ -82,7 +82,7 @@ void Road::Impl::dial_failed(const std::string& why) {
     trying_->close(ignored);
     trying_.reset();
   }
-  drop_connections(false);
+  drop_connections(false, RoadDoor::End::kForgotten);
   next_dial_ns_ = rt::monotonic_ns() + backoff_.count();
   backoff_ = std::min(2 * backoff_, options.redial_most);
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/road/arrivals.hpp"
 #include "drivers/road/door.hpp"
 #include "drivers/road/pace.hpp"
 #include "drivers/road/road.hpp"
@@ -24,7 +25,7 @@ class Road::Impl final : public RoadConnectionOwner {
   [[nodiscard]] std::string listen();  // empty: it does
 
   void run_for(rt::Nanos span);
-  void close_session(const std::string& why, bool gently = true);
+  void close_session(const std::string& why, RoadDoor::End end, bool gently = true);
   [[nodiscard]] rt::Nanos bulk_busy_for() const noexcept;
   void send(bool bulk, std::span<const std::uint8_t> message, bool at_once);
 
@@ -32,11 +33,11 @@ class Road::Impl final : public RoadConnectionOwner {
   Handlers handlers;
   RoadCounts counts;
   RoadPeer last_peer;
-  std::string last_end, last_refusal, last_congestion;
+  std::string last_end, last_refusal, last_congestion, last_address;
   std::unique_ptr<RoadTrust> trust;
   RoadPace pace;
   std::shared_ptr<RoadConnection> control, bulk;
-  bool up = false;
+  bool up = false, end_expected = false;
   int port = 0;
 
  private:
@@ -47,6 +48,24 @@ class Road::Impl final : public RoadConnectionOwner {
     Shared connection;
     std::int64_t until_ns;
   };
+  struct Waiting {
+    Tcp::socket socket;
+    std::string address, place;
+    std::int64_t until_ns;
+  };
+
+  struct Doorstep {
+    // Taken from the kernel: so many that one host's connecting costs little CPU, and so that
+    // nobody waits in the kernel's queue behind it.
+    static constexpr double kAcceptsPerSecond = 2000, kAcceptsAtOnce = 200;
+    static constexpr int kBacklog = 256;
+    ArrivalTurns turns;
+    ArrivalRate accept_rate{kAcceptsPerSecond, kAcceptsAtOnce};
+    bool accepting = false;
+    std::list<Waiting> waiting;   // connected, and their handshake has not begun
+    std::list<Arrival> arrivals;  // in it, or not yet let in; oldest first
+    std::list<Arrival> leaving;   // their last words are on the way
+  };
 
   void connection_shaken(RoadConnection& c) override;
   bool connection_frame(RoadConnection& c, RoadKind kind,
@@ -56,6 +75,11 @@ class Road::Impl final : public RoadConnectionOwner {
   // road_listen.cpp
   void accept_one();
   void arrived(Tcp::socket socket);
+  void drop_waiting();
+  void give_turns(std::int64_t now_ns);
+  [[nodiscard]] std::vector<std::string> waiting_places() const;
+  void make_room();
+  void begin(Waiting stranger);
   [[nodiscard]] bool greeted(RoadConnection& c, const RoadGreet& greet);
   void refuse(RoadConnection& c, const std::string& why);
   [[nodiscard]] Shared take_arrival(RoadConnection& c);
@@ -68,7 +92,7 @@ class Road::Impl final : public RoadConnectionOwner {
   void dial_failed(const std::string& why);
   // road.cpp
   void session_up();
-  void drop_connections(bool gently);
+  void drop_connections(bool gently, RoadDoor::End end);
   void leave_slowly(Shared connection);
   void tick(std::int64_t now_ns);
   void look_at_list(std::int64_t now_ns);
@@ -77,15 +101,12 @@ class Road::Impl final : public RoadConnectionOwner {
 
   Caps caps_;
   RoadDoor door_;
-  ArrivalRate arrival_rate_;
   boost::asio::io_context io_;
   std::unique_ptr<boost::asio::ssl::context> context_;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
   Tcp::acceptor acceptor_;
   Tcp::resolver resolver_;
-  bool accepting_ = false;
-  std::list<Arrival> arrivals_;  // before the door, oldest first
-  std::list<Arrival> leaving_;   // their last words are on the way
+  Doorstep doorstep_;
   // Dialling.
   std::shared_ptr<Tcp::socket> trying_;
   bool dialling_ = false;

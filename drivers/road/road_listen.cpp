@@ -21,48 +21,96 @@ std::string Road::Impl::listen() {
   acceptor_.open(endpoint.protocol(), code);
   if (!code) acceptor_.set_option(Tcp::acceptor::reuse_address(true), code);
   if (!code) acceptor_.bind(endpoint, code);
-  if (!code) acceptor_.listen(static_cast<int>(kMostArrivals), code);
+  if (!code) acceptor_.listen(Doorstep::kBacklog, code);
   if (!code) port = acceptor_.local_endpoint(code).port();
   return code ? where + code.message() : std::string{};
 }
 
 void Road::Impl::accept_one() {
-  if (accepting_ || !acceptor_.is_open() || !arrival_rate_.may_begin(rt::monotonic_ns())) return;
-  accepting_ = true;
+  if (doorstep_.accepting || !acceptor_.is_open() ||
+      !doorstep_.accept_rate.may_begin(rt::monotonic_ns()))
+    return;
+  doorstep_.accepting = true;
   acceptor_.async_accept([this](const Code& code, Tcp::socket socket) {
-    accepting_ = false;
+    doorstep_.accepting = false;
     if (!code) arrived(std::move(socket));
     if (code != asio::error::operation_aborted) accept_one();
   });
 }
 
 void Road::Impl::arrived(Tcp::socket socket) {
-  if (!context_) return;
   Code code;
   const auto from = socket.remote_endpoint(code);
   if (code) return;
-  set_up_road_socket(socket.native_handle(), false, 0);
-  auto c = std::make_shared<RoadConnection>(std::move(socket), *context_, *trust, *this,
-                                            from.address().to_string());
-  arrivals_.push_back({c, rt::monotonic_ns() + options.handshake_limit.count()});
-  if (arrivals_.size() > kMostArrivals) {
-    std::vector<std::string> addresses;
-    for (const Arrival& a : arrivals_) addresses.push_back(a.connection->address());
-    const auto drop =
-        std::next(arrivals_.begin(), static_cast<std::ptrdiff_t>(arrival_to_drop(addresses)));
-    ++counts.crowded;
-    drop->connection->close();
-    arrivals_.erase(drop);
+  const std::string address = from.address().to_string();
+  doorstep_.waiting.push_back({std::move(socket), address, place_of(address),
+                               rt::monotonic_ns() + options.handshake_limit.count()});
+  drop_waiting();
+}
+
+std::vector<std::string> Road::Impl::waiting_places() const {
+  std::vector<std::string> places;
+  for (const Waiting& w : doorstep_.waiting) places.push_back(w.place);
+  return places;
+}
+
+// Too many of one place: its oldest goes, for who dials in earnest has given that one up first.
+void Road::Impl::drop_waiting() {
+  const std::vector<std::string> places = waiting_places();
+  const std::string& newest = places.back();
+  const auto of_one = std::count(places.begin(), places.end(), newest);
+  std::size_t drop = doorstep_.waiting.size();
+  if (of_one > static_cast<std::ptrdiff_t>(kMostWaitingOfOne))
+    drop =
+        static_cast<std::size_t>(std::find(places.begin(), places.end(), newest) - places.begin());
+  else if (doorstep_.waiting.size() > kMostWaiting)
+    drop = doorstep_.turns.to_drop(places);
+  if (drop == doorstep_.waiting.size()) return;
+  const auto at = std::next(doorstep_.waiting.begin(), static_cast<std::ptrdiff_t>(drop));
+  ++counts.crowded;
+  last_refusal = at->address + ": too many connections wait before the door";
+  doorstep_.waiting.erase(at);
+}
+
+void Road::Impl::give_turns(std::int64_t now_ns) {
+  std::erase_if(doorstep_.waiting, [&](const Waiting& w) { return w.until_ns < now_ns; });
+  while (!doorstep_.waiting.empty() && context_) {
+    const auto turn = doorstep_.turns.next(waiting_places(), now_ns);
+    if (!turn) return;
+    const auto at = std::next(doorstep_.waiting.begin(), static_cast<std::ptrdiff_t>(*turn));
+    Waiting stranger = std::move(*at);
+    doorstep_.waiting.erase(at);
+    begin(std::move(stranger));
   }
+}
+
+void Road::Impl::begin(Waiting stranger) {
+  set_up_road_socket(stranger.socket.native_handle(), false, 0);
+  auto c = std::make_shared<RoadConnection>(std::move(stranger.socket), *context_, *trust, *this,
+                                            stranger.address);
+  doorstep_.arrivals.push_back({c, rt::monotonic_ns() + options.handshake_limit.count()});
+  make_room();
   if (!c->gone()) c->shake_hands(false);
 }
 
+void Road::Impl::make_room() {
+  if (doorstep_.arrivals.size() <= kMostArrivals) return;
+  std::vector<std::string> places;
+  for (const Arrival& a : doorstep_.arrivals) places.push_back(place_of(a.connection->address()));
+  const auto drop = std::next(doorstep_.arrivals.begin(),
+                              static_cast<std::ptrdiff_t>(doorstep_.turns.to_drop(places)));
+  ++counts.crowded;
+  last_refusal = drop->connection->address() + ": too many handshakes at once";
+  drop->connection->close();
+  doorstep_.arrivals.erase(drop);
+}
+
 Road::Impl::Shared Road::Impl::take_arrival(RoadConnection& c) {
-  const auto at = std::find_if(arrivals_.begin(), arrivals_.end(),
+  const auto at = std::find_if(doorstep_.arrivals.begin(), doorstep_.arrivals.end(),
                                [&](const Arrival& a) { return a.connection.get() == &c; });
-  if (at == arrivals_.end()) return nullptr;
+  if (at == doorstep_.arrivals.end()) return nullptr;
   Shared shared = at->connection;
-  arrivals_.erase(at);
+  doorstep_.arrivals.erase(at);
   return shared;
 }
 
@@ -82,6 +130,14 @@ bool Road::Impl::greeted(RoadConnection& c, const RoadGreet& greet) {
   if (RAND_bytes(fresh.data(), static_cast<int>(fresh.size())) != 1) return false;
   const std::string why = for_bulk ? door_.ask_bulk(c.peer(), now, greet.token)
                                    : door_.ask_control(c.peer(), now, fresh);
+  if (!for_bulk && door_.displaced()) {
+    ++counts.refused;
+    last_refusal = "'" + (control ? control->peer().name : std::string()) +
+                   "': the second connection did not come";
+    if (control) control->close_gently();
+    leave_slowly(std::move(control));
+    control.reset();
+  }
   if (!why.empty()) {
     refuse(c, why);
     return true;
@@ -94,7 +150,7 @@ bool Road::Impl::greeted(RoadConnection& c, const RoadGreet& greet) {
 }
 
 void Road::Impl::drop_late_arrivals(std::int64_t now_ns) {
-  for (auto a = arrivals_.begin(); a != arrivals_.end();) {
+  for (auto a = doorstep_.arrivals.begin(); a != doorstep_.arrivals.end();) {
     if (a->until_ns >= now_ns && !a->connection->gone()) {
       ++a;
       continue;
@@ -102,15 +158,15 @@ void Road::Impl::drop_late_arrivals(std::int64_t now_ns) {
     ++counts.refused;
     last_refusal = a->connection->address() + ": the handshake took too long";
     a->connection->close();
-    a = arrivals_.erase(a);
+    a = doorstep_.arrivals.erase(a);
   }
-  for (auto a = leaving_.begin(); a != leaving_.end();) {
+  for (auto a = doorstep_.leaving.begin(); a != doorstep_.leaving.end();) {
     if (a->until_ns >= now_ns && !a->connection->gone()) {
       ++a;
       continue;
     }
     a->connection->close();
-    a = leaving_.erase(a);
+    a = doorstep_.leaving.erase(a);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstring>
 #include <ctime>
+#include <utility>
 
 namespace drivers {
 
@@ -33,63 +34,91 @@ rt::Result<std::unique_ptr<RoadTrust>> RoadTrust::load(const RoadOptions& option
   t->role_ = options.role;
   t->wall_s_ = options.wall_clock_s ? options.wall_clock_s
                                     : [] { return static_cast<std::int64_t>(std::time(nullptr)); };
+  if (const auto folder = check_folder(t->folder_); !folder) return rt::Error{folder.error()};
   auto ca = read_certificate(t->folder_ + "/ca.crt");
   if (!ca) return rt::Error{ca.error()};
   t->ca_ = std::move(ca).value();
-  auto own = read_certificate(t->folder_ + "/box.crt");
+  t->look_at_own();
+  auto own = t->read_own();
   if (!own) return rt::Error{own.error()};
-  t->own_ = std::move(own).value();
-  auto key = read_key(t->folder_ + "/box.key");
-  if (!key) return rt::Error{key.error()};
-  t->key_ = std::move(key).value();
   const std::string list = t->folder_ + "/ca.crl";
   ::stat(list.c_str(), &t->seen_);
   auto revoked = read_revoked(list, *t->ca_);
   if (!revoked) return rt::Error{revoked.error()};
   t->list_ = std::move(revoked).value();
-  const auto self = read_peer(*t->own_);
-  if (!self) return rt::Error{t->folder_ + "/box.crt: " + self.error()};
-  t->self_ = self.value();
-  t->earliest_s_ = std::max({kBuilt_s, seconds_of(X509_get0_notBefore(t->own_.get())),
-                             seconds_of(X509_CRL_get0_lastUpdate(t->list_.get()))});
-  if (const std::string problem = t->check_self(); !problem.empty()) {
-    return rt::Error{t->folder_ + "/box.crt: " + problem};
-  }
+  t->earliest_s_ = std::max(kBuilt_s, seconds_of(X509_CRL_get0_lastUpdate(t->list_.get())));
+  if (const std::string problem = t->take_own(std::move(own).value()); !problem.empty())
+    return rt::Error{problem};
   return t;
 }
 
-std::string RoadTrust::check_self() const {
+void RoadTrust::look_at_own() {
+  ::stat((folder_ + "/box.crt").c_str(), &seen_own_);
+  ::stat((folder_ + "/box.key").c_str(), &seen_key_);
+}
+
+rt::Result<RoadTrust::Own> RoadTrust::read_own() const {
+  Own own;
+  auto certificate = read_certificate(folder_ + "/box.crt");
+  if (!certificate) return rt::Error{certificate.error()};
+  own.certificate = std::move(certificate).value();
+  auto key = read_key(folder_ + "/box.key");
+  if (!key) return rt::Error{key.error()};
+  own.key = std::move(key).value();
+  const auto self = read_peer(*own.certificate);
+  if (!self) return rt::Error{folder_ + "/box.crt: " + self.error()};
+  own.self = self.value();
+  return own;
+}
+
+// Empty: it is in use now.
+std::string RoadTrust::take_own(Own own) {
+  const std::int64_t begins_s = seconds_of(X509_get0_notBefore(own.certificate.get()));
+  const std::int64_t before_s = std::exchange(earliest_s_, std::max(earliest_s_, begins_s));
+  const std::string problem = check_self(own);
+  if (problem.empty()) {
+    own_ = std::move(own);
+    return {};
+  }
+  earliest_s_ = before_s;
+  return folder_ + "/box.crt: " + problem;
+}
+
+std::string RoadTrust::check_self(const Own& own) const {
   ERR_clear_error();
-  if (X509_check_private_key(own_.get(), key_.get()) != 1)
+  if (X509_check_private_key(own.certificate.get(), own.key.get()) != 1)
     return "box.key is not the key of this certificate";
-  if (X509_verify(own_.get(), X509_get0_pubkey(ca_.get())) != 1)
+  if (X509_verify(own.certificate.get(), X509_get0_pubkey(ca_.get())) != 1)
     return "not signed by the CA of ca.crt";
-  if (self_.role != role_) {
+  if (own.self.role != role_) {
     return std::string("it is the certificate of a") +
-           (self_.role == rt::Box::kOperator ? "n operator" : " robot") + ", this box is the " +
+           (own.self.role == rt::Box::kOperator ? "n operator" : " robot") + ", this box is the " +
            role_name(role_);
   }
-  if (self_.valid_until_s < judged_at_s()) {
-    return "expired on " + day_of(self_.valid_until_s) + " (it is taken to be " +
+  if (own.self.valid_until_s < judged_at_s()) {
+    return "expired on " + day_of(own.self.valid_until_s) + " (it is taken to be " +
            day_of(judged_at_s()) + "): teletact keys renew";
   }
-  if (is_revoked(*list_, *own_)) return "revoked: teletact keys issue makes another one";
+  if (is_revoked(*list_, *own.certificate)) return "revoked: teletact keys issue makes another one";
   return {};
 }
 
 std::int64_t RoadTrust::judged_at_s() const { return std::max(wall_s_(), earliest_s_); }
 
 std::string RoadTrust::note() const {
-  if (!list_problem_.empty()) return list_problem_;
+  std::string all;
+  const auto add = [&all](const std::string& one) { all += (all.empty() ? "" : "; ") + one; };
+  if (!list_problem_.empty()) add(list_problem_);
+  if (!own_problem_.empty()) add(own_problem_);
   if (wall_s_() < earliest_s_) {
-    return "this box's clock says " + day_of(wall_s_()) + ", which is before " +
-           day_of(earliest_s_) + ": certificates are judged as of " + day_of(earliest_s_);
+    add("this box's clock says " + day_of(wall_s_()) + ", which is before " + day_of(earliest_s_) +
+        ": certificates are judged as of " + day_of(earliest_s_));
   }
-  if (self_.valid_until_s - judged_at_s() < kNearEnd_s) {
-    return "this box's certificate expires on " + day_of(self_.valid_until_s) +
-           ": teletact keys renew " + self_.name;
+  if (own_.self.valid_until_s - judged_at_s() < kNearEnd_s) {
+    add("this box's certificate expires on " + day_of(own_.self.valid_until_s) +
+        ": teletact keys renew " + own_.self.name);
   }
-  return {};
+  return all;
 }
 
 ssl_ctx_st* RoadTrust::make_context() const {
@@ -98,8 +127,8 @@ ssl_ctx_st* RoadTrust::make_context() const {
   X509_STORE* store = SSL_CTX_get_cert_store(c);
   bool ok = SSL_CTX_set_min_proto_version(c, TLS1_3_VERSION) == 1;
   ok = ok && SSL_CTX_set_max_proto_version(c, TLS1_3_VERSION) == 1;
-  ok = ok && SSL_CTX_use_certificate(c, own_.get()) == 1;
-  ok = ok && SSL_CTX_use_PrivateKey(c, key_.get()) == 1;
+  ok = ok && SSL_CTX_use_certificate(c, own_.certificate.get()) == 1;
+  ok = ok && SSL_CTX_use_PrivateKey(c, own_.key.get()) == 1;
   ok = ok && X509_STORE_add_cert(store, ca_.get()) == 1;
   ok = ok && X509_STORE_add_crl(store, list_.get()) == 1;
   ok = ok && X509_STORE_set_flags(store, X509_V_FLAG_CRL_CHECK | X509_V_FLAG_X509_STRICT) == 1;
@@ -188,6 +217,24 @@ bool RoadTrust::revoked(const std::string& serial) const {
 }
 
 bool RoadTrust::refresh() {
+  const bool list = refresh_list();
+  return refresh_own() || list;
+}
+
+// Both files are put there one after the other: what does not fit together is looked at again when
+// either changes.
+bool RoadTrust::refresh_own() {
+  const struct stat certificate = seen_own_, key = seen_key_;
+  look_at_own();
+  if (same_file(certificate, seen_own_) && same_file(key, seen_key_)) return false;
+  auto own = read_own();
+  own_problem_ = own ? take_own(std::move(own).value()) : own.error();
+  if (own_problem_.empty()) return true;
+  own_problem_ += "; the certificate of before stays in use";
+  return false;
+}
+
+bool RoadTrust::refresh_list() {
   const std::string path = folder_ + "/ca.crl";
   struct stat now {};
   if (::stat(path.c_str(), &now) != 0) {

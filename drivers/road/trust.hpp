@@ -12,7 +12,9 @@
 // reason names the date it took.
 //
 // The list is looked at again every reread_period. A list that is damaged, of another CA or older
-// than the one in use changes nothing, and note() says so.
+// than the one in use changes nothing, and note() says so. So are the box's own certificate and
+// key: renewed ones are shown from the next handshake on; what check_self() refuses changes
+// nothing, and is told likewise.
 #pragma once
 
 #include <sys/stat.h>
@@ -43,30 +45,42 @@ class RoadTrust {
   // The instant by which certificates are judged, seconds since 1970.
   [[nodiscard]] std::int64_t judged_at_s() const;
 
-  // Reads the list again if the file has changed. True: another list is in use from now on.
+  // Reads again what has changed of the files. True: another list or certificate is in use from now
+  // on.
   [[nodiscard]] bool refresh();
   [[nodiscard]] bool revoked(const std::string& serial) const;
 
-  [[nodiscard]] const RoadPeer& self() const noexcept { return self_; }
+  [[nodiscard]] const RoadPeer& self() const noexcept { return own_.self; }
   // What a person should know: the clock is unset, the list can not be read, the end is near.
   [[nodiscard]] std::string note() const;
 
  private:
   RoadTrust() = default;
-  [[nodiscard]] std::string check_self() const;
+  struct Own {
+    CertificatePtr certificate;
+    KeyPtr key;
+    RoadPeer self;
+  };
+  void look_at_own();
+  [[nodiscard]] rt::Result<Own> read_own() const;
+  [[nodiscard]] std::string take_own(Own own);
+  [[nodiscard]] bool refresh_list();
+  [[nodiscard]] bool refresh_own();
+  [[nodiscard]] std::string check_self(const Own& own) const;
   [[nodiscard]] std::string judge_box(x509_store_ctx_st* chain, RoadPeer& peer) const;
   [[nodiscard]] std::string text_of(int error, X509* certificate) const;
 
   std::string folder_, expected_;
   rt::Box role_ = rt::Box::kRobot;
   std::function<std::int64_t()> wall_s_;
-  CertificatePtr ca_, own_;
-  KeyPtr key_;
+  CertificatePtr ca_;
+  Own own_;
   RevokedPtr list_;
-  RoadPeer self_;
   std::int64_t earliest_s_ = 0;
-  struct stat seen_ {};  // of the list's file
-  std::string list_problem_;
+  // Of the files of the list, the certificate and the key.
+  struct stat seen_ {
+  }, seen_own_{}, seen_key_{};
+  std::string list_problem_, own_problem_;
 };
 
 }  // namespace drivers

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <string>
+#include <vector>
 
+#include "drivers/road/arrivals.hpp"
 #include "drivers/road/door.hpp"
 #include "drivers/road/pace.hpp"
 #include "rt/random.hpp"
@@ -35,7 +38,7 @@ TEST(RoadDoor, TwoConnectionsOfOnePeerMakeASession) {
   EXPECT_EQ(d.ask_bulk(box("ada", "1"), kSecond, token(1)), "");
   EXPECT_TRUE(d.taken());
   EXPECT_FALSE(d.overdue(100 * kSecond));
-  d.leave();
+  d.leave(2 * kSecond, RoadDoor::End::kOver);
   EXPECT_EQ(d.ask_control(box("bob", "2"), 2 * kSecond, token(2)), "") << "the place is free again";
 }
 
@@ -69,7 +72,7 @@ TEST(RoadDoor, ATokenIsGoodOnceForItsPeerAndForAWhile) {
   EXPECT_THAT(d.ask_bulk(thief, 1, token(1)), HasSubstr("does not belong"));
   EXPECT_EQ(d.ask_bulk(box("ada", "1"), 1, token(1)), "") << "the right one can still come";
   EXPECT_NE(d.ask_bulk(box("ada", "1"), 1, token(1)), "") << "once";
-  d.leave();
+  d.leave(2, RoadDoor::End::kOver);
   EXPECT_NE(d.ask_bulk(box("ada", "1"), 1, token(0)), "") << "an empty place has no token of zeros";
   RoadDoor late = promised();
   const std::int64_t end = RoadDoor::kTokenLife.count();
@@ -80,23 +83,121 @@ TEST(RoadDoor, ATokenIsGoodOnceForItsPeerAndForAWhile) {
       << "who never came does not hold the place";
 }
 
-TEST(Arrivals, TheOldestOfTheLargestCrowdGoes) {
-  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"a"}), 0U);
-  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"a", "b", "c", "b"}), 1U);
-  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"friend", "x", "x", "x"}), 1U);
-  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"a", "b"}), 0U);
+// The robot's door as bob sees it who only ever greets: ada, who dials in earnest each half second,
+// is let in within two seconds, and bob then waits.
+TEST(RoadDoor, AskingAloneKeepsNobodyOut) {
+  RoadDoor d(rt::Box::kRobot);
+  std::int64_t ada_in = 0;
+  int bob_promised = 0;
+  for (std::int64_t t = 0; t < 20 * kSecond && ada_in == 0; t += kSecond / 10) {
+    bob_promised += d.ask_control(box("bob", "2"), t, token(2)).empty() ? 1 : 0;
+    if (t % (kSecond / 2) == 0 && d.ask_control(box("ada", "1"), t + 1, token(1)).empty())
+      ada_in = t + 1;
+  }
+  EXPECT_GT(ada_in, 0);
+  EXPECT_LE(ada_in, 2 * kSecond);
+  EXPECT_EQ(bob_promised, 1);
+  EXPECT_TRUE(d.displaced()) << "bob's connection is to be closed";
+  EXPECT_EQ(d.ask_bulk(box("ada", "1"), ada_in + kSecond, token(1)), "");
+}
+
+TEST(RoadDoor, AnUnkeptPromiseCountsOnlyWhereAnotherWaits) {
+  RoadDoor alone(rt::Box::kRobot);
+  for (std::int64_t t = 0; t < 10 * kSecond; t += kSecond) {
+    EXPECT_EQ(alone.ask_control(box("ada", "1"), t, token(1)), "")
+        << "a lossy road: it tries again";
+    alone.leave(t + kSecond / 2, RoadDoor::End::kOver);
+  }
+  RoadDoor d(rt::Box::kRobot);
+  EXPECT_EQ(d.ask_control(box("bob", "2"), 0, token(2)), "");
+  EXPECT_NE(d.ask_control(box("ada", "1"), 1, token(1)), "");
+  d.leave(2, RoadDoor::End::kOver);  // bob closes and greets again at once
+  EXPECT_THAT(d.ask_control(box("bob", "2"), 3, token(2)), HasSubstr("sits out"));
+  EXPECT_EQ(d.ask_control(box("ada", "1"), 4, token(1)), "");
+  d.leave(5, RoadDoor::End::kForgotten);
+  EXPECT_EQ(d.ask_control(box("bob", "2"), 6 * kSecond, token(2)), "") << "not for ever";
+}
+
+TEST(RoadDoor, WhoWasCutOffHasTheFirstWord) {
+  const auto session = [] {
+    RoadDoor d(rt::Box::kRobot);
+    EXPECT_EQ(d.ask_control(box("ada", "1"), 0, token(1)), "");
+    EXPECT_EQ(d.ask_bulk(box("ada", "1"), 1, token(1)), "");
+    return d;
+  };
+  RoadDoor cut = session();
+  cut.leave(10 * kSecond, RoadDoor::End::kCut);
+  EXPECT_THAT(cut.ask_control(box("bob", "2"), 11 * kSecond, token(2)),
+              HasSubstr("the first word"));
+  RoadDoor later = cut;
+  EXPECT_EQ(cut.ask_control(box("ada", "1"), 12 * kSecond, token(1)), "");
+  EXPECT_EQ(
+      later.ask_control(box("bob", "2"), 10 * kSecond + RoadDoor::kFirstWord.count(), token(2)),
+      "");
+  RoadDoor bye = session();
+  bye.leave(10 * kSecond, RoadDoor::End::kOver);
+  EXPECT_EQ(bye.ask_control(box("bob", "2"), 10 * kSecond, token(2)), "");
+}
+
+using Places = std::vector<std::string>;
+
+TEST(Arrivals, TheOldestOfTheLargestCrowdGoesAndAKnownPlaceLast) {
+  drivers::ArrivalTurns turns;
+  EXPECT_EQ(turns.to_drop(Places{"a"}), 0U);
+  EXPECT_EQ(turns.to_drop(Places{"a", "b", "c", "b"}), 1U);
+  EXPECT_EQ(turns.to_drop(Places{"friend", "x", "x", "x"}), 1U);
+  EXPECT_EQ(turns.to_drop(Places{"a", "b"}), 0U);
+  turns.had_session("friend");
+  EXPECT_EQ(turns.to_drop(Places{"friend", "friend", "friend", "x"}), 3U);
+  EXPECT_EQ(turns.to_drop(Places{"friend", "friend"}), 0U);
 }
 
 TEST(Arrivals, BeginAtARate) {
-  drivers::ArrivalRate rate;
-  int begun = 0;
-  for (std::int64_t t = 0; t < 10 * kSecond; t += kSecond / 1000)
-    begun += rate.may_begin(t) ? 1 : 0;
-  EXPECT_NEAR(begun, 20 + 10 * 20, 2);
-  drivers::ArrivalRate burst;
-  int at_once = 0;
-  for (int i = 0; i < 100; ++i) at_once += burst.may_begin(5) ? 1 : 0;
-  EXPECT_EQ(at_once, 20);
+  drivers::ArrivalTurns turns;
+  const auto begun = [&](std::int64_t from, std::int64_t to) {
+    int n = 0;
+    for (std::int64_t t = from; t < to; t += kSecond / 1000) {
+      while (turns.next(Places{"x"}, t)) ++n;
+    }
+    return n;
+  };
+  EXPECT_EQ(begun(0, 1), 20) << "at once";
+  EXPECT_NEAR(begun(1, 10 * kSecond), 10 * 20, 2);
+  EXPECT_FALSE(turns.next(Places{}, 100 * kSecond));
+}
+
+// A crowd from one place holds up a stranger from another by one turn, a known place not at all.
+TEST(Arrivals, ACrowdOfOnePlaceHoldsUpNobodyElse) {
+  drivers::ArrivalTurns turns;
+  const Places crowd(8, "crowd");
+  std::int64_t t = 0;
+  while (turns.next(crowd, t)) {
+  }
+  Places with_friend = crowd;
+  with_friend.push_back("friend");
+  std::int64_t served = 0;
+  for (; served == 0 && t < kSecond; t += kSecond / 1000) {
+    if (const auto who = turns.next(with_friend, t); who && *who == 8) served = t;
+  }
+  EXPECT_GT(served, 0);
+  EXPECT_LE(served, 60'000'000);
+  turns.had_session("friend");
+  while (turns.next(crowd, t)) {
+  }
+  // Ever new places at once use up the turns of strangers, and none of a known place's.
+  for (int i = 0; i < 200; ++i) (void)turns.next(Places{"place " + std::to_string(i)}, t);
+  const auto known = turns.next(with_friend, t);
+  ASSERT_TRUE(known);
+  EXPECT_EQ(*known, 8U);
+}
+
+TEST(Arrivals, PlacesAreAddressesAndOfIPv6TheirNetwork) {
+  using drivers::place_of;
+  EXPECT_EQ(place_of("10.0.0.3"), "10.0.0.3");
+  EXPECT_EQ(place_of("::ffff:10.0.0.3"), "10.0.0.3");
+  EXPECT_EQ(place_of("2001:db8:1:2::7"), place_of("2001:db8:1:2:ffff::1"));
+  EXPECT_NE(place_of("2001:db8:1:2::7"), place_of("2001:db8:1:3::7"));
+  EXPECT_EQ(place_of("fe80::1%eth0"), place_of("fe80::2"));
 }
 
 // ---- pace ----

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <thread>
 
 #include "rt/random.hpp"
 #include "tests/unit/drivers_road/support.hpp"
@@ -219,6 +220,32 @@ TEST(Hostile, APromiseThatIsNotKeptHoldsThePlaceForAWhileOnly) {
   ada.start();
   ASSERT_TRUE(wait_for([&] { return ada.link->fault().find("busy") != std::string::npos; }));
   EXPECT_TRUE(wait_for([&] { return ada.ready(); })) << "5 s later: " << ada.link->fault();
+}
+
+// A second operator of the lab that only ever greets, again and again, from ada's own address.
+TEST(Hostile, GreetingsAloneKeepTheOtherOperatorOutForSecondsOnly) {
+  Robot robot;
+  robot.lab.issue(rt::Box::kOperator, "bob");
+  std::atomic<bool> stop{false};
+  auto first = robot.raw("bob");
+  token_in(first->greet());
+  std::thread squatter([&] {
+    while (!stop) {
+      RawTls bob(robot.port(), robot.lab.box("bob") + "/box.crt",
+                 robot.lab.box("bob") + "/box.key");
+      if (bob.shaken) static_cast<void>(bob.greet());
+      std::this_thread::sleep_for(std::chrono::milliseconds(150));
+    }
+  });
+  const std::int64_t from = rt::monotonic_ns();
+  End ada(dialling(robot.lab, "ada", rt::Box::kOperator, robot.port()));
+  ada.start();
+  EXPECT_TRUE(wait_for([&] { return ada.ready(); })) << ada.link->fault();
+  const double took_s = 1e-9 * static_cast<double>(rt::monotonic_ns() - from);
+  std::printf("let in after %.2f s\n", took_s);
+  EXPECT_LT(took_s, 5) << "a promise of 5 s would still hold";
+  stop = true;
+  squatter.join();
 }
 
 // ---- on the wire ----

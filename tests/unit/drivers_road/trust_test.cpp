@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <fstream>
 
@@ -253,6 +254,60 @@ TEST(OwnFiles, EachIsCheckedAndNamed) {
   EXPECT_THAT(robot(), HasSubstr("box.crt: not a certificate"));
   std::ofstream(at + "/ca.crt", std::ios::trunc) << std::string(2'000'000, 'x');
   EXPECT_THAT(robot(), HasSubstr("ca.crt: longer than 1 MiB"));
+}
+
+// Who may write them decides whom the box trusts.
+TEST(OwnFiles, NobodyElseMayWriteThem) {
+  Lab lab;
+  const std::string at = lab.box("rover");
+  for (const std::string name : {"/ca.crt", "/box.crt", "/ca.crl", ""}) {
+    const mode_t good = name.empty() ? 0755 : 0644;
+    for (const mode_t bad : {good | 0020U, good | 0002U}) {
+      ::chmod((at + name).c_str(), bad);
+      EXPECT_THAT(refusal(lab, "rover", rt::Box::kRobot), HasSubstr("nobody else may write it"))
+          << name;
+    }
+    ::chmod((at + name).c_str(), good);
+    EXPECT_TRUE(drivers::RoadLink::open(listening(lab, "rover", rt::Box::kRobot))) << name;
+    if (::geteuid() != 0) continue;
+    ASSERT_EQ(::chown((at + name).c_str(), 4711, 4711), 0);
+    EXPECT_THAT(refusal(lab, "rover", rt::Box::kRobot), HasSubstr("or to root")) << name;
+    ASSERT_EQ(::chown((at + name).c_str(), 0, 0), 0);
+  }
+}
+
+// A running box takes a renewed certificate without a restart, and keeps the old one where the new
+// one is no good; the session that stands does not notice.
+TEST(OwnFiles, ARenewedCertificateIsShownFromTheNextHandshakeOn) {
+  Lab lab;
+  const std::int64_t now = wall_s();
+  lab.certify("rover", rt::Box::kRobot, now - 100, now + 5 * kDay_s);
+  End robot(listening(lab, "rover", rt::Box::kRobot));
+  robot.talk();
+  robot.start();
+  End ada(dialling(lab, "ada", rt::Box::kOperator, robot.link->port()));
+  ada.talk();
+  ada.start();
+  ASSERT_TRUE(wait_for([&] { return ada.ready() && robot.ready(); })) << ada.link->fault();
+  EXPECT_THAT(robot.link->notes().note, HasSubstr("expires on"));
+  const std::string serial = ada.link->peer().serial;
+
+  std::ofstream(lab.box("rover") + "/box.crt", std::ios::trunc) << "half a file";
+  ASSERT_TRUE(wait_for([&] {
+    return robot.link->notes().note.find("the certificate of before stays") != std::string::npos;
+  }));
+  lab.certify("rover", rt::Box::kRobot, now - 100, now + 300 * kDay_s);
+  ASSERT_TRUE(wait_for([&] { return robot.link->notes().note.empty(); }))
+      << robot.link->notes().note;
+  EXPECT_EQ(robot.link->notes().certificate_until_s, now + 300 * kDay_s);
+  EXPECT_TRUE(ada.ready());
+  EXPECT_EQ(ada.link->sessions(), 1U) << "what stands goes on";
+  ada.link->stop();
+  End again(dialling(lab, "ada", rt::Box::kOperator, robot.link->port()));
+  again.start();
+  ASSERT_TRUE(wait_for([&] { return again.ready(); })) << again.link->fault();
+  EXPECT_NE(again.link->peer().serial, serial);
+  EXPECT_EQ(again.link->peer().valid_until_s, now + 300 * kDay_s);
 }
 
 TEST(Options, EachHasItsRange) {
