@@ -75,6 +75,22 @@ if [ -x "$prefix/bin/teletact" ]; then
   [ -f "$prefix/share/teletact/config/scenes/default_room.toml" ]
   (cd "$temporary" && "$prefix/bin/teletact" demo --clock virtual --bodies stub --seconds 1 --quiet --report "$temporary/report" >"$temporary/demo.log") ||
     { cat "$temporary/demo.log" >&2; exit 1; }
+  # The services: units that systemd takes, with little to attack, and their user. Judged where it is there.
+  for box in robot operator; do
+    unit=$prefix/lib/systemd/system/teletact-$box.service
+    grep -q "^# The $box's box as a service" "$unit" || { echo "install: $unit is another box's" >&2; exit 1; }
+    grep -q '^StateDirectoryMode=0700' "$unit" && grep -q '^UMask=0077' "$unit" ||
+      { echo "install: what $unit leaves is readable by all" >&2; exit 1; }
+    command -v systemd-analyze >/dev/null || continue
+    said=$(systemd-analyze verify "$unit" 2>&1) || { echo "$said" >&2; exit 1; }
+    [ -z "$said" ] || { echo "install: $unit: $said" >&2; exit 1; }
+    # systemd's figure of exposure, 0 to 10, in tenths; it was 8.7.
+    systemd-analyze security --offline=true --threshold=45 "$unit" >"$temporary/security.log" 2>&1 ||
+      { tail -3 "$temporary/security.log" >&2; echo "install: $unit is exposed more than 4.5" >&2; exit 1; }
+  done
+  if command -v systemd-sysusers >/dev/null; then
+    systemd-sysusers --dry-run "$prefix/lib/sysusers.d/teletact.conf" >/dev/null
+  fi
   # The measuring program lies where the installed program looks for it; without it, one line says so.
   "$prefix/bin/teletact" stability --help | grep -q '^teletact stability: ' ||
     { echo "install: the installed program does not start teletact-measure" >&2; exit 1; }

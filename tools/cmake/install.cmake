@@ -4,6 +4,7 @@
 #   share/teletact/config/                scenes, fault plans, limits; found by the program from bin/
 #   share/teletact/console/               the operator's page (tools/console/page)
 #   lib/systemd/system/                   units that run a box as a service
+#   lib/sysusers.d/teletact.conf          their user
 include(CMakePackageConfigHelpers)
 get_property(headers GLOBAL PROPERTY teletact_private_headers)
 foreach(header ${headers})
@@ -19,9 +20,12 @@ endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/config DESTINATION ${TELETACT_INSTALL_INCLUDE}
   COMPONENT rt FILES_MATCHING PATTERN "*.hpp" ${private})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/config DESTINATION ${CMAKE_INSTALL_DATADIR}/teletact
-  COMPONENT program FILES_MATCHING PATTERN "*.toml" PATTERN "*.conf" PATTERN "*.rules")
+  COMPONENT program FILES_MATCHING PATTERN "*.toml" PATTERN "*.conf" PATTERN "*.rules"
+  PATTERN "systemd" EXCLUDE)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/config/systemd/ DESTINATION lib/systemd/system
   COMPONENT program FILES_MATCHING PATTERN "*.service")
+install(FILES ${PROJECT_SOURCE_DIR}/config/systemd/teletact.sysusers.conf DESTINATION lib/sysusers.d
+  RENAME teletact.conf COMPONENT program)
 configure_package_config_file(${PROJECT_SOURCE_DIR}/tools/cmake/teletactConfig.cmake.in
   ${PROJECT_BINARY_DIR}/teletactConfig.cmake INSTALL_DESTINATION ${TELETACT_INSTALL_CMAKE})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/teletactConfigVersion.cmake
