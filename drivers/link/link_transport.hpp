@@ -17,6 +17,17 @@
 
 namespace drivers {
 
+// Of a transport with certificates, for people: who is there, and who was turned away. Without them
+// all of it stays empty.
+struct LinkNotes {
+  std::string peer;     // connected now: "operator 'ada' from 10.0.0.3"; empty: nobody
+  std::string note;     // how certificates are judged where that is not as usual; when ours ends
+  std::string refusal;  // the newest that this box refused, and why
+  std::uint64_t refused = 0;             // connections that it did not let in
+  std::int64_t certificate_until_s = 0;  // of this box, seconds since 1970; 0: it has none
+  double rate_Mbit_per_s = 0;            // what the road is said to carry; 0: images are not paced
+};
+
 class LinkTransport {
  public:
   // kClosed: the connection is over. kFault: refused, see fault(). A lasting transport goes from
@@ -51,6 +62,7 @@ class LinkTransport {
   [[nodiscard]] virtual std::string fault() const = 0;  // why, after kFault
   // Which congestion control the kernel works with, read back; empty: no connection, or not known.
   [[nodiscard]] virtual std::string congestion() const { return {}; }
+  [[nodiscard]] virtual LinkNotes notes() const { return {}; }
   // Connections whose handshake was complete, so far.
   [[nodiscard]] virtual std::uint64_t sessions() const noexcept = 0;
   // Local time of the last valid message, ns; 0 = never.

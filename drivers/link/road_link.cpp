@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "drivers/road/pem.hpp"
 #include "drivers/road/road.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/effect_count.hpp"
@@ -36,9 +37,12 @@ rt::Result<std::unique_ptr<RoadLink>> RoadLink::open(const RoadOptions& options)
   if (!road) return rt::Error{road.error()};
   std::unique_ptr<RoadLink> link(new RoadLink);
   link->road_ = std::move(road).value();
+  link->rate_Mbit_per_s_ = options.rate_Mbit_per_s;
   link->publish();
   return link;
 }
+
+rt::Result<bool> RoadLink::check(const RoadOptions& options) { return Road::check(options); }
 
 rt::Result<std::unique_ptr<LinkTransport>> open_road(const RoadOptions& options) {
   auto link = RoadLink::open(options);
@@ -101,8 +105,10 @@ void RoadLink::session_down(const std::string& why) {
 bool RoadLink::take(std::span<const std::uint8_t> message) {
   if (cut_.load()) return true;  // lost on the way
   if (!is_news(message)) return true;
-  return endpoint_->receive(message, now_(),
-                            [this](std::span<const std::uint8_t> m) { send(m, true); });
+  const bool good = endpoint_->receive(message, now_(),
+                                       [this](std::span<const std::uint8_t> m) { send(m, true); });
+  if (endpoint_->bye_received()) road_->expect_end();
+  return good;
 }
 
 // Of the robot's end. What can not be read is for the endpoint to refuse.
@@ -173,9 +179,13 @@ void RoadLink::publish() {
   counts_ = road_->counts();
   if (last_refusal_ != road_->last_refusal()) last_refusal_ = road_->last_refusal();
   if (state_.load() == State::kConnecting && !road_->last_end().empty()) fault_ = road_->last_end();
-  if (note_due) note_ = road_->note();
+  if (note_due) {
+    note_ = road_->note();
+    certificate_until_s_ = road_->self().valid_until_s;
+  }
   if (up_) {
     peer_ = road_->peer();
+    peer_address_ = road_->peer_address();
     congestion_ = road_->congestion();
   } else {
     congestion_.clear();
@@ -245,6 +255,20 @@ std::string RoadLink::last_refusal() const {
 std::string RoadLink::note() const {
   const std::lock_guard lock(told_);
   return note_;
+}
+
+LinkNotes RoadLink::notes() const {
+  const bool there = state_.load() == State::kReady;
+  const std::lock_guard lock(told_);
+  LinkNotes n;
+  if (there)
+    n.peer = std::string(role_name(peer_.role)) + " '" + peer_.name + "' from " + peer_address_;
+  n.note = note_;
+  n.refusal = last_refusal_;
+  n.refused = counts_.refused + counts_.crowded;
+  n.certificate_until_s = certificate_until_s_;
+  n.rate_Mbit_per_s = rate_Mbit_per_s_;
+  return n;
 }
 
 LinkEndpoint::Stats RoadLink::stats() const {

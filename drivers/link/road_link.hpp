@@ -37,6 +37,9 @@ class RoadLink final : public LinkTransport {
  public:
   // One line names what is wrong: address, port, a file of the keys.
   [[nodiscard]] static rt::Result<std::unique_ptr<RoadLink>> open(const RoadOptions& options);
+  // What open() would refuse but for the port: address, options, files of the keys. Nothing stays
+  // open.
+  [[nodiscard]] static rt::Result<bool> check(const RoadOptions& options);
   ~RoadLink() override;
 
   [[nodiscard]] int port() const noexcept;  // where it listens, or what it dials
@@ -65,6 +68,7 @@ class RoadLink final : public LinkTransport {
   // because its round trip grows (pace.hpp). The numbers are the rungs of FrameAsker.
   [[nodiscard]] int wish() const noexcept { return wish_.load(); }
   [[nodiscard]] std::string congestion() const override;
+  [[nodiscard]] LinkNotes notes() const override;
   [[nodiscard]] RoadPeer peer() const;  // of the last session
   [[nodiscard]] RoadCounts counts() const;
   [[nodiscard]] std::string last_refusal() const;  // of a stranger, by this box
@@ -94,6 +98,7 @@ class RoadLink final : public LinkTransport {
   std::function<void()> after_poll_;
   std::optional<LinkShaper> shaper_;
   std::deque<Delayed> delayed_;
+  double rate_Mbit_per_s_ = 0;
   std::thread thread_;
   bool up_ = false;
   // Which connections take what is said now.
@@ -106,7 +111,8 @@ class RoadLink final : public LinkTransport {
   std::atomic<std::int64_t> last_heard_{0}, round_trip_{0}, uncertainty_{0}, cpu_{0};
   std::atomic<int> wish_{0};
   mutable std::mutex told_;  // guards what follows: words for people
-  std::string fault_, congestion_, last_refusal_, note_;
+  std::string fault_, congestion_, last_refusal_, note_, peer_address_;
+  std::int64_t certificate_until_s_ = 0;
   RoadPeer peer_;
   RoadCounts counts_;
 };

@@ -126,6 +126,10 @@ std::size_t LogDrain::drain() {
   return batch_.size();
 }
 
+void LogDrain::say(std::int64_t time_ns, std::string_view name, std::string_view text) {
+  logger_->info("{:.9f} {}: {}", static_cast<double>(time_ns) * 1e-9, name, text);
+}
+
 void LogDrain::start(NonRealtime&, Nanos period) {
   if (thread_.joinable()) return;
   stopping_.store(false, std::memory_order_relaxed);

@@ -131,6 +131,8 @@ class LogDrain {
   // One pass by the calling thread, while the drain's own does not run; returns the records handed
   // over.
   std::size_t drain();
+  // A line beside the records, by the thread that drains: of the box itself, which has no log.
+  void say(std::int64_t time_ns, std::string_view name, std::string_view text);
   // An ordinary thread makes a pass each `period` until stop(), which makes a last one.
   void start(NonRealtime&, Nanos period);
   void stop();

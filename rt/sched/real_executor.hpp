@@ -57,6 +57,8 @@ class RealExecutor final : public Executor {
   [[nodiscard]] std::vector<TaskTotals> totals() const override;
 
   // What was asked for and not granted, one line each; empty = a real-time run.
+  // All threads stand: from here on missing() does not change. Any thread may ask.
+  [[nodiscard]] bool placed() const noexcept { return placed_.load(std::memory_order_acquire); }
   [[nodiscard]] const std::vector<std::string>& missing() const noexcept { return missing_; }
   // What would have helped and was not granted.
   [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }

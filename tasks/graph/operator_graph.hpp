@@ -52,6 +52,7 @@ struct LinkStatus {
   // ns. For people, likewise.
   std::atomic<std::uint8_t> spared_rungs{0}, spared_why{0};
   std::atomic<std::int64_t> picture_ns{0};
+  std::atomic<std::uint64_t> pictures{0};  // that crossed: sent by the robot's box, or arrived
 
   void tell_refused(std::uint64_t commands, drivers::CommandFault newest) noexcept {
     commands_refused.store(commands);

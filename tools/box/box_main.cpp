@@ -35,12 +35,15 @@ void wrap_devices(rt::NonRealtime& nrt, InputRecorder* inputs, PageHook* page,
 // By the link's thread, once a millisecond and when the connection has ended. A link that lasts may
 // find another peer after one that it had to refuse: that is no fault that only a restart clears.
 // It is closed while there is no connection that is ready.
-void show_link(const drivers::LinkTransport& link, bool lasting, tasks::LinkStatus& status) {
+void show_link(const drivers::LinkTransport& link, const drivers::LinkEndpoint& endpoint,
+               bool lasting, tasks::LinkStatus& status) {
   using State = drivers::LinkTransport::State;
   const State state = link.state();
   status.last_heard_ns.store(link.last_heard_ns());
   status.round_trip_ns.store(link.round_trip_ns());
   status.uncertainty_ns.store(link.clock_uncertainty_ns());
+  constexpr auto kFrame = static_cast<std::size_t>(drivers::MessageId::kFrame);
+  status.pictures.store(endpoint.stats().sent[kFrame] + endpoint.stats().received[kFrame]);
   status.session.store(link.sessions());
   status.refused.store(state == State::kFault && !lasting);
   status.closed.store(lasting ? state != State::kReady : state >= State::kClosed);
@@ -62,6 +65,7 @@ std::unique_ptr<drivers::LinkTransport> open_link(const Scene& scene, const BoxP
 // Log lines and inputs to the black box; what the disk refuses of either is told.
 template <class Side>
 void feed_black_box(rt::NonRealtime& nrt, BoxRunner& runner, Side& side, InputRecorder* inputs) {
+  runner.say = [&](std::string_view line) { side.console.say(runner.now(), line); };
   const std::string file = runner.plan.folder + "/" + Side::kName + ".log";
   side.console.log_to(
       nrt, file,
@@ -115,13 +119,14 @@ template <class Side>
 int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
             const BoxPlan& plan) {
   BoxOptions box_options;
-  const rt::BoxTime clock = plan.clock_of(Side::kBox);
+  const auto clock = plan.clock_of(Side::kBox);
   box_options.epoch = clock.from_host(plan.epoch_host_ns);
   box_options.faults = plan.faults;
   box_options.mode_gate = plan.host.modes.gate;
   box_options.now = [clock] { return clock.from_host(rt::monotonic_ns()); };
   Side::complete(box_options);
   BoxRunner runner{options, plan, Side::kBox, clock};
+  runner.picture_road.lossless = scene.graph.capture.pictures.depth_codec == "lossless";
   const auto inputs = start_recorder(nrt, Side::kBox, scene, options, plan, box_options.now);
   wrap_devices(nrt, inputs.get(), options.page, box_options);
   Side side(nrt, scene, options, box_options);
@@ -129,11 +134,10 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   if (inputs) inputs->attach(graph, side.box.endpoint());
   feed_black_box(nrt, runner, side, inputs.get());
   const auto registry = enter_registry(plan, Side::kBox);
-
   const auto opened = open_link<Side>(scene, plan);
-  drivers::LinkTransport& link = *opened;
+  auto& link = *opened;
   link.start(side.box.endpoint(), box_options.now, scene.link.shape,
-             [&] { show_link(link, plan.lasting(), graph.link()); });
+             [&] { show_link(link, side.box.endpoint(), plan.lasting(), graph.link()); });
 
   runner.placed = placed_tasks(plan, Side::kBox, [&](tasks::TaskId id) -> rt::TaskBody& {
     rt::TaskBody& body = graph.body(id);

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
 #include <fstream>
 #include <stdexcept>
 #include <thread>
 
+#include "drivers/road/pem.hpp"
 #include "rt/fault/planned.hpp"
 #include "rt/sched/real_executor.hpp"
 #include "tools/files/build_info.hpp"
@@ -72,8 +74,27 @@ void BoxRunner::note_request(std::int64_t host) const {
 void BoxRunner::look() {
   tick(now());
   if (black_box) black_box->watch(mode(), now());
-  if (plan.lasting()) link_news.look(*link, *link_status, options.quiet);
+  if (plan.lasting()) {
+    picture_road.rate_Mbit_per_s = link->notes().rate_Mbit_per_s;
+    for (const std::string& line :
+         link_news.look(*link, *link_status, picture_road, rt::monotonic_ns())) {
+      tell(line);
+      if (store != nullptr) store->event(rt::ns_of(now()), line);
+    }
+  }
   if (status_server) status_server->serve([this] { return status_json(status()); });
+}
+
+void BoxRunner::tell(const std::string& line) const {
+  std::printf("%s\n", line.c_str());
+  std::fflush(stdout);
+  if (say) say(line);
+}
+
+void BoxRunner::tell_rights() const {
+  for (const std::string& what : *missing) tell("NOT REAL-TIME: " + what);
+  if (!missing->empty())
+    tell("this box runs all the same; its deadlines hold by chance alone (teletact doctor)");
 }
 
 void BoxRunner::answer_status() {
@@ -86,12 +107,53 @@ void BoxRunner::answer_status() {
     std::printf("no teletact status of this box: %s\n", opened.error().c_str());
 }
 
-BoxStatus BoxRunner::status() const {
+void BoxRunner::add_machine(BoxStatus& s) const {
+  const auto MiB = [](std::uint64_t bytes) { return static_cast<double>(bytes) / (1U << 20U); };
+  if (missing != nullptr) {
+    s.real_time = missing->empty() ? "yes" : "no";
+    for (const std::string& what : *missing)
+      s.real_time += (what == missing->front() ? ": " : "; ") + what;
+  }
+  if (store != nullptr) s.store_MiB = MiB(store->use().bytes);
+  s.store_cap_MiB = MiB(options.store.cap_bytes);
+  std::error_code error;
+  if (const auto space = std::filesystem::space(plan.folder, error); !error)
+    s.disk_free_MiB = MiB(space.available);
+}
+
+void BoxRunner::add_link(BoxStatus& s) const {
   using State = drivers::LinkTransport::State;
+  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+  const State state = link->state();
+  s.link = state == State::kReady       ? "connected"
+           : state == State::kHandshake ? "hand-shake"
+                                        : "no other box";
+  s.link_fault = state == State::kReady ? std::string() : link->fault();
+  s.connections = link->sessions();
+  const drivers::LinkNotes notes = link->notes();
+  s.peer = notes.peer;
+  s.turned_away = notes.refused;
+  s.turned_away_newest = notes.refusal;
+  s.link_note = notes.note;
+  if (notes.certificate_until_s != 0)
+    s.certificate_until = drivers::day_of(notes.certificate_until_s);
+  s.rate_Mbit_per_s = notes.rate_Mbit_per_s;
+  if (link->last_heard_ns() != 0) s.heard_ago_ms = ms(rt::ns_of(now()) - link->last_heard_ns());
+  if (link->round_trip_ns() != 0) s.round_trip_ms = ms(link->round_trip_ns());
+  s.congestion = link->congestion();
+  if (const auto seen = link_status->picture_ns.load(); seen != 0)
+    s.picture_age_ms = ms(rt::ns_of(now()) - seen);
+  s.pictures_per_s = link_news.pictures_per_s();
+  s.pictures = spared_text(link_status->spared());
+  if (s.pictures.empty() && state == State::kReady)
+    s.pictures = slow_text(picture_road, s.pictures_per_s);
+  if (s.pictures.empty()) s.pictures = "whole";
+}
+
+BoxStatus BoxRunner::status() const {
   constexpr const char* kModes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
   const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
   const tasks::ModeMsg newest = mode();
-  const State state = link->state();
   BoxStatus s;
   s.box = box == rt::Box::kRobot ? "robot" : "operator";
   s.version = kVersion;
@@ -99,18 +161,8 @@ BoxStatus BoxRunner::status() const {
   s.up_s = 1e-3 * ms(rt::monotonic_ns() - plan.epoch_host_ns);
   s.mode = kModes[static_cast<std::size_t>(newest.mode)];
   if (newest.cause != rt::kNoFault) s.cause = fault_text(newest.cause);
-  s.link = state == State::kReady       ? "connected"
-           : state == State::kHandshake ? "hand-shake"
-                                        : "no other box";
-  s.link_fault = state == State::kReady ? std::string() : link->fault();
-  s.connections = link->sessions();
-  if (link->last_heard_ns() != 0) s.heard_ago_ms = ms(rt::ns_of(now()) - link->last_heard_ns());
-  if (link->round_trip_ns() != 0) s.round_trip_ms = ms(link->round_trip_ns());
-  s.congestion = link->congestion();
-  if (const auto seen = link_status->picture_ns.load(); seen != 0)
-    s.picture_age_ms = ms(rt::ns_of(now()) - seen);
-  s.pictures = spared_text(link_status->spared());
-  if (s.pictures.empty()) s.pictures = "whole";
+  add_link(s);
+  add_machine(s);
   s.commands_refused = link_status->commands_refused.load();
   s.commands_refused_reason =
       drivers::to_text(static_cast<drivers::CommandFault>(link_status->commands_newest.load()));
@@ -151,7 +203,8 @@ void BoxRunner::save_now_and_then(Watch& w, rt::RunStore& writer, std::int64_t h
 }
 
 void BoxRunner::watch(Watch& w, rt::RunStore& writer, const std::function<void()>& request_stop,
-                      const std::function<std::uint64_t()>& hung) {
+                      const std::function<std::uint64_t()>& hung,
+                      const std::function<const std::vector<std::string>*()>& rights) {
   while (!w.done.load()) {
     const std::int64_t host = rt::monotonic_ns();
     if (w.at_epoch.span_ns == 0 && host >= plan.epoch_host_ns) w.at_epoch = ordinary_now();
@@ -160,6 +213,7 @@ void BoxRunner::watch(Watch& w, rt::RunStore& writer, const std::function<void()
       look();
       w.told->look(mode(), link_status->spared(), now());
     }
+    if (missing == nullptr && (missing = rights()) != nullptr && plan.lasting()) tell_rights();
     if (hung() > 0) requests->watchdog_bit.store(true);
     if (g_stop_requested.load() && w.ramp_from == 0) {
       w.ramp_from = g_stop_asked_ns.load();
@@ -180,6 +234,11 @@ void BoxRunner::watch(Watch& w, rt::RunStore& writer, const std::function<void()
   }
 }
 
+void BoxRunner::end_black_box(bool asked) const {
+  if (!black_box) return;
+  black_box->end(asked ? kAskedToEnd : hangs > 0 ? "a task hung and was made safe" : "");
+}
+
 template <class Faults>
 void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::string& file) {
   std::unique_ptr<rt::RunStore> writer;
@@ -192,6 +251,7 @@ void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::strin
   header.not_realtime = executor.missing();
   header.epoch_ns = rt::ns_of(clock.from_host(plan.epoch_host_ns));
   writer = std::make_unique<rt::RunStore>(file, header, options.store);
+  store = writer.get();
   StoreWatch told(*writer, box, file, refused);
   if (options.black_box_s > 0) {
     black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
@@ -213,7 +273,8 @@ void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::strin
   });
   g_ramp_down.store(&requests->ramp_down);
   watch(
-      w, *writer, [&] { executor.request_stop(); }, [&] { return executor.hangs(); });
+      w, *writer, [&] { executor.request_stop(); }, [&] { return executor.hangs(); },
+      [&] { return executor.placed() ? &executor.missing() : nullptr; });
   runner.join();
   make_safe();
   if (w.at_epoch.span_ns != 0) {
@@ -230,12 +291,10 @@ void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::strin
   for (const BoxTotals& b : totals) trailer.push_back({b.task, b.totals});
   writer->finish(trailer, dropped);
   told.look(mode(), link_status->spared(), now());
+  store = nullptr;
+  missing = nullptr;
   hangs = executor.hangs();
-  if (black_box) {
-    black_box->end(w.ramp_from != 0 ? kAskedToEnd
-                   : hangs > 0      ? "a task hung and was made safe"
-                                    : "");
-  }
+  end_black_box(w.ramp_from != 0);
   for (std::size_t i = missing_before; i < executor.missing().size(); ++i) {
     std::ofstream(plan.folder + "/not_realtime", std::ios::app) << executor.missing()[i] << '\n';
   }

@@ -48,6 +48,10 @@ struct BoxRunner {
   std::unique_ptr<BoxRecorder> black_box{};
   RefusedFiles refused{};
   LinkNews link_news{};
+  PictureRoad picture_road{};
+  std::function<void(std::string_view)> say{};        // a line into the box's log
+  rt::RunStore* store = nullptr;                      // while it runs
+  const std::vector<std::string>* missing = nullptr;  // real-time rights; null: not known yet
   std::optional<StatusServer> status_server{};
   tasks::LinkStatus* link_status = nullptr;
 
@@ -69,11 +73,18 @@ struct BoxRunner {
   template <class Faults>
   void run(rt::NonRealtime& nrt, const Faults& faults, const std::string& file);
   void watch(Watch& w, rt::RunStore& writer, const std::function<void()>& request_stop,
-             const std::function<std::uint64_t()>& hung);
+             const std::function<std::uint64_t()>& hung,
+             const std::function<const std::vector<std::string>*()>& rights);
   void save_now_and_then(Watch& w, rt::RunStore& writer, std::int64_t host_ns);
   void note_request(std::int64_t host) const;
   void look();
+  // To whoever watches this program, to the log, and so to the black box.
+  void tell(const std::string& line) const;
+  void tell_rights() const;
+  void end_black_box(bool asked) const;
   [[nodiscard]] BoxStatus status() const;
+  void add_link(BoxStatus& status) const;
+  void add_machine(BoxStatus& status) const;
   [[nodiscard]] OrdinaryCpu ordinary_now() const;
 
   void tell_page(const rt::JobRecord& record) const;

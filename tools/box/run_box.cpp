@@ -32,7 +32,7 @@ rt::Result<std::unique_ptr<drivers::LinkTransport>> open_plain(const BoxCommand&
   return std::unique_ptr<drivers::LinkTransport>(std::move(opened).value());
 }
 
-rt::Result<std::unique_ptr<drivers::LinkTransport>> open_keyed(const BoxCommand& command) {
+drivers::RoadOptions road_of(const BoxCommand& command) {
   drivers::RoadOptions road;
   road.role = command.box;
   road.listen = command.listens;
@@ -41,7 +41,11 @@ rt::Result<std::unique_ptr<drivers::LinkTransport>> open_keyed(const BoxCommand&
   road.keys = command.keys;
   road.expected_peer = command.peer;
   road.rate_Mbit_per_s = command.rate_Mbit_per_s;
-  auto opened = drivers::open_road(road);
+  return road;
+}
+
+rt::Result<std::unique_ptr<drivers::LinkTransport>> open_keyed(const BoxCommand& command) {
+  auto opened = drivers::open_road(road_of(command));
   if (!opened) return opened;
   std::printf("link: %s %s:%d, TLS, keys in %s\n", command.listens ? "waits at" : "dials",
               command.road.host.c_str(), command.road.port, command.keys.c_str());
@@ -117,12 +121,28 @@ void place_capture(const Scene& scene, HostPlan& host) {
   }
 }
 
+// The shape is the demo's road in place of a real one. With keys there is a real one.
+void choose_shape(const BoxCommand& command, Scene& scene) {
+  if (command.plain || command.shape || !scene.link.shape.any()) return;
+  scene.link.shape = {};
+  std::printf(
+      "link: the scene's link.shape is for the demo, and is not applied to a road with keys "
+      "(--shape applies it)\n");
+}
+
 }  // namespace
+
+void check_link(const BoxCommand& command) {
+  if (command.plain) return;
+  const auto good = drivers::RoadLink::check(road_of(command));
+  if (!good) throw std::runtime_error(good.error());
+}
 
 int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
             const BoxCommand& command, const tasks::Calibration& calibration, RunInfo& info) {
   BoxPlan plan;
   plan.calibration = as_asked(calibration, scene);
+  choose_shape(command, scene);
   plan.clock[0] = plan.clock[1] = {};  // each box has a clock of its own: this machine's
   plan.host = admit_for(scene, command, calibration, options.page != nullptr);
   if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);

@@ -25,12 +25,17 @@ struct BoxCommand {
   // (empty: any box of the other role that the lab's CA vouches for), what the road carries.
   std::string keys, peer;
   double rate_Mbit_per_s = 10;
-  std::string json;  // file for the figures; empty: none
+  bool shape = false;  // with TLS: the scene's link.shape is applied all the same
+  std::string json;    // file for the figures; empty: none
 
   [[nodiscard]] const char* name() const noexcept {
     return box == rt::Box::kRobot ? "robot" : "operator";
   }
 };
+
+// Before anything is measured or written: throws std::runtime_error with one line where the address
+// or the keys are no good.
+void check_link(const BoxCommand& command);
 
 // Exit code: 0 orderly, 1 with problems, 3 could not start, 4 stopped by a fault. `info` holds what
 // the report says of the command; options.seconds 0: until stopped.

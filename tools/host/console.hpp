@@ -90,6 +90,10 @@ class OperatorConsole {
   // does not take a line. By an ordinary thread, with every tick.
   void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {},
               std::function<void()> refused = {});
+  // A line of the box itself among them.
+  void say(rt::Time now, std::string_view text) {
+    if (log_) log_->say(rt::ns_of(now), "box", text);
+  }
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
   [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
   [[nodiscard]] const LinkSeen& link() const noexcept { return link_; }
@@ -183,6 +187,10 @@ class RobotConsole {
   void tick(rt::Time now);
   void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {},
               std::function<void()> refused = {});
+  // A line of the box itself among them.
+  void say(rt::Time now, std::string_view text) {
+    if (log_) log_->say(rt::ns_of(now), "box", text);
+  }
   [[nodiscard]] const RobotView& seen() const noexcept { return seen_; }
   [[nodiscard]] RobotView take() { return std::move(seen_); }
 

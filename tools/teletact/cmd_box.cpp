@@ -12,6 +12,7 @@
 #include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/console_words.hpp"
+#include "tools/teletact/store_option.hpp"
 
 namespace teletact {
 
@@ -76,7 +77,13 @@ void add_options(CLI::App& app, bool robot, DemoOptions& o, BoxCommand& c, BoxWo
                  "seconds before a stop that REPORT/raw/*.blackbox holds; 0: none")
       ->check(in_range(0, 60))
       ->capture_default_str();
-  app.add_flag("--quiet", o.quiet, "no status lines");
+  add_store_cap(app, o.store);
+  app.add_flag("--shape", c.shape,
+               "with --keys: apply the scene's [link.shape], the demo's road, to this road too")
+      ->needs(keys);
+  app.add_flag("--quiet", o.quiet,
+               "no line a second and no table of admission; what happens to the link is told all "
+               "the same");
 }
 
 int run_command(int argc, char** argv, rt::Box box) {
@@ -98,6 +105,7 @@ int run_command(int argc, char** argv, rt::Box box) {
   c.listens = w.dial.empty();
   c.road = where(w, c.listens);
   check_road(c);
+  check_link(c);
   check_outputs({{"--json", c.json}}, {});
   prepare_console(console, app.count("--robot") > 0, w.scene, o);
   o.scene_path = find_config("scenes", w.scene);
@@ -106,6 +114,10 @@ int run_command(int argc, char** argv, rt::Box box) {
   const auto page = console_of(console, *scene, o);
   o.page = page.get();
 
+  if (o.record && o.seconds <= 0)
+    std::printf(
+        "--record without --seconds: the recording holds every input, images included, and grows "
+        "until this box is stopped\n");
   catch_signals();
   make_output_folder("--report", o.report);
   make_run_folder(o.report);

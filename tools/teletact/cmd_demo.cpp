@@ -8,6 +8,7 @@
 #include "tools/record/recording_truth.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/console_words.hpp"
+#include "tools/teletact/store_option.hpp"
 
 namespace teletact {
 
@@ -27,14 +28,6 @@ void check_bodies(const DemoOptions& o, const std::string& clock) {
     throw std::runtime_error("--bodies stub needs --clock virtual: give both");
   if (o.record) throw std::runtime_error("--record needs --bodies real");
   if (!o.save_map.empty()) throw std::runtime_error("--save-map needs --bodies real");
-}
-
-void add_store_cap(CLI::App& app, rt::StoreOptions& store) {
-  app.add_option_function<std::uint64_t>(
-         "--store-cap", [&store](std::uint64_t MiB) { store.cap_bytes = MiB << 20U; },
-         "MiB on the disk for the job records of each box, default 256; the older ones become "
-         "counts and histograms")
-      ->check(CLI::Range(rt::StoreOptions::kLeastCap >> 20U, std::uint64_t{1} << 24U));
 }
 
 void add_run_options(CLI::App& app, DemoCommand& c) {

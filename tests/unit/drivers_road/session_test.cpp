@@ -36,6 +36,10 @@ TEST(RoadLink, TwoBoxesTalkAndKnowEachOther) {
   EXPECT_EQ(b.op.link->peer().name, "rover");
   EXPECT_EQ(b.robot.link->peer().name, "ada");
   EXPECT_EQ(b.robot.link->peer().role, rt::Box::kOperator);
+  const drivers::LinkNotes notes = b.robot.link->notes();
+  EXPECT_EQ(notes.peer, "operator 'ada' from 127.0.0.1");
+  EXPECT_EQ(notes.refused, 0U);
+  EXPECT_GT(notes.certificate_until_s, wall_s());
   EXPECT_EQ(b.op.link->sessions(), 1U);
   EXPECT_EQ(b.op.link->fault(), "");
   EXPECT_EQ(b.op.link->note(), "");
@@ -231,6 +235,8 @@ TEST(RoadLink, ASecondOperatorReadsWhyItIsRefused) {
               HasSubstr("busy: operator 'ada' is connected; one operator at a time"));
   EXPECT_EQ(second.link->sessions(), 0U);
   EXPECT_THAT(b.robot.link->last_refusal(), HasSubstr("'bob'"));
+  EXPECT_THAT(b.robot.link->notes().refusal, HasSubstr("'bob'"));
+  EXPECT_GE(b.robot.link->notes().refused, 2U);
   EXPECT_TRUE(b.op.alive()) << "and the first one drives on";
   EXPECT_EQ(b.op.link->sessions(), 1U);
   // When it leaves, the other one gets in.

@@ -110,6 +110,59 @@ TEST(LinkNews, RefusedCommandsOnceASecond) {
   EXPECT_EQ(news.refused_line(2, "too late", 9 * kSecond), "");
 }
 
+TEST(LinkNews, SaysWhoIsThere) {
+  teletact::LinkNews news;
+  EXPECT_EQ(news.line(true, 1, "", "operator 'ada' from 10.0.0.3"),
+            "link: the other box is there (connection 1): operator 'ada' from 10.0.0.3");
+}
+
+TEST(LinkNews, StrangersAtOnceAndThenEachTenSeconds) {
+  teletact::LinkNews news;
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  EXPECT_EQ(news.turned_away_line(0, "", kSecond), "");
+  EXPECT_EQ(news.turned_away_line(1, "10.0.0.9: it shows no certificate", kSecond),
+            "link: turned away: 10.0.0.9: it shows no certificate");
+  for (int s = 2; s < 11; ++s) EXPECT_EQ(news.turned_away_line(200, "a crowd", s * kSecond), "");
+  EXPECT_EQ(news.turned_away_line(201, "10.0.0.9: it does not speak TLS", 11 * kSecond),
+            "link: turned away: 10.0.0.9: it does not speak TLS (the newest of 200)");
+  EXPECT_EQ(news.turned_away_line(201, "10.0.0.9: it does not speak TLS", 99 * kSecond), "");
+}
+
+TEST(LinkNews, ANoteOnceAndThatItIsOver) {
+  teletact::LinkNews news;
+  EXPECT_EQ(news.note_line(""), "");
+  EXPECT_EQ(news.note_line("keys/ca.crl: is gone"), "link: keys/ca.crl: is gone");
+  EXPECT_EQ(news.note_line("keys/ca.crl: is gone"), "");
+  EXPECT_EQ(news.note_line(""), "link: no longer so: keys/ca.crl: is gone");
+  EXPECT_EQ(news.note_line(""), "");
+}
+
+// Lossless depth on a road that it does not fit is told once a connection; the same few pictures of
+// another codec have words of their own (SparedNews).
+TEST(LinkNews, FewPicturesOfALosslessCodec) {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  teletact::PictureRate rate;
+  rate.look(100, kSecond);
+  EXPECT_LT(rate.per_s(), 0) << "one look tells no rate";
+  rate.look(104, kSecond + kSecond / 2);
+  rate.look(107, 2 * kSecond);
+  EXPECT_DOUBLE_EQ(rate.per_s(), 7);
+  const teletact::PictureRoad road{true, 30, 10};
+  teletact::LinkNews news;
+  EXPECT_EQ(news.slow_line(true, road, 7, 10 * kSecond), "") << "it may be the beginning";
+  EXPECT_THAT(news.slow_line(true, road, 7, 15 * kSecond),
+              HasSubstr("link: the road carries 7 of 30 pictures a second: lossless depth does not "
+                        "fit a road of 10 Mbit/s"));
+  EXPECT_EQ(news.slow_line(true, road, 7, 30 * kSecond), "");
+  EXPECT_EQ(news.slow_line(false, road, 0, 31 * kSecond), "");
+  (void)news.slow_line(true, road, 7, 32 * kSecond);
+  EXPECT_NE(news.slow_line(true, road, 7, 40 * kSecond), "") << "another connection";
+  for (const teletact::PictureRoad& fits :
+       {teletact::PictureRoad{false, 30, 10}, teletact::PictureRoad{true, 30, 0}})
+    EXPECT_EQ(teletact::slow_text(fits, 7), "");
+  EXPECT_EQ(teletact::slow_text(road, 29), "");
+}
+
 struct Folder {
   std::string path;
   Folder() {
@@ -139,6 +192,11 @@ TEST(BoxStatus, IsReadThroughASocketOfItsUserAlone) {
   s.mode = "hold";
   s.cause = "F-SUP-02 \"quoted\"\n\xff";
   s.connections = 3;
+  s.peer = "operator 'ada' from 10.0.0.3";
+  s.turned_away = 7;
+  s.turned_away_newest = "10.0.0.9: it shows no certificate";
+  s.certificate_until = "2031-05-17";
+  s.real_time = "no: haptic: SCHED_FIFO 80";
   std::atomic<bool> done{false};
   std::thread box([&] {
     while (!done) {
@@ -152,6 +210,14 @@ TEST(BoxStatus, IsReadThroughASocketOfItsUserAlone) {
     const auto j = nlohmann::json::parse(answer.value());
     EXPECT_EQ(j["box"], "robot");
     EXPECT_EQ(j["connections"], 3);
+    EXPECT_EQ(j["peer"], s.peer);
+    EXPECT_EQ(j["turned_away"], 7);
+    EXPECT_EQ(j["turned_away_newest"], s.turned_away_newest);
+    EXPECT_EQ(j["certificate_until"], "2031-05-17");
+    EXPECT_EQ(j["real_time"], s.real_time);
+    for (const char* key : {"link_note", "pictures_per_s", "rate_Mbit_per_s", "store_MiB",
+                            "store_cap_MiB", "disk_free_MiB"})
+      EXPECT_TRUE(j.contains(key)) << key;
     const auto text = teletact::status_text(answer.value());
     ASSERT_TRUE(text);
     EXPECT_THAT(text.value(), HasSubstr("mode                      hold\n"));
