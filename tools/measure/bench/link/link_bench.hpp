@@ -47,10 +47,11 @@ struct LinkRow {
   LinkWindow window;
   double others_cores = 0, road_busy_Mbit_per_s = 0, road_late_p95_us = 0;
   std::string robot_congestion, operator_congestion;
-  double depth_over_sensor = 0;        // rest, strict, lenient
-  std::string depth_problem;           // it was not measured
-  double over_stall_ms = 0;            // stall
-  double after_rate_p95_ms = 0;        // rate: from 3 s after each change on, the worse of both
+  double depth_over_sensor = 0;  // rest, strict, lenient
+  std::string depth_problem;     // it was not measured
+  double over_stall_ms = 0;      // stall
+  double after_rate_p95_ms = 0;  // rate: from 3 s after each change on, the worse of both
+  double thin_spared = 0, wide_spared = 0;  // rate: pictures with anything lowered, there
   double felt_p95_ms = 0;              // rest: from an exposure to the first force that knows it
   int felt = 0;                        // images that were felt
   std::vector<Stages_ms> felt_stages;  // rest: where that time went, of each

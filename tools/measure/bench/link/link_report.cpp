@@ -100,6 +100,10 @@ std::vector<Limit> LinkBenchResult::limits() const {
         [](const LinkRow& r) { return r.over_stall_ms; });
   j.add(all, "rate 10, 4, 10: picture age p95 after 3 s, ms", "rate", "<=", 400,
         [](const LinkRow& r) { return r.after_rate_p95_ms; });
+  j.add(all, "rate 4: pictures with anything lowered, of 1", "rate", ">=", 0.5,
+        [](const LinkRow& r) { return r.thin_spared; });
+  j.add(all, "rate 10 again: likewise, less than in 4", "rate", "<=", 0,
+        [](const LinkRow& r) { return r.wide_spared - r.thin_spared; });
   j.add(all, "loss .5 %: pictures a second", "loss", ">=", 25, fps, true,
         bbr ? "" : "this kernel has no bbr");
   for (const char* name : {"drive", "drive_loss", "drive_stall"}) {
