@@ -63,12 +63,17 @@ class BoxProgram {
   BoxProgram(const BoxProgram&) = delete;
   BoxProgram& operator=(const BoxProgram&) = delete;
 
-  // Before start(): where it writes.
+  // Before start(): where it writes; its keys, without which the road is plain.
   void report_to(fs::path report) { report_ = std::move(report); }
+  void use_keys(fs::path keys) { keys_ = std::move(keys); }
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
 
   void start() {
-    std::vector<std::string> words{TELETACT_BINARY_DIR "/teletact", box_, "--plain"};
+    std::vector<std::string> words{TELETACT_BINARY_DIR "/teletact", box_};
+    if (keys_.empty())
+      words.emplace_back("--plain");
+    else
+      words.insert(words.end(), {"--keys", keys_.string()});
     words.insert(words.end(), road_.begin(), road_.end());
     for (const char* w :
          {"--calibration", TELETACT_SOURCE_DIR "/config/limits/reference_costs.toml", "--set",
@@ -124,7 +129,7 @@ class BoxProgram {
   fs::path folder_;
   std::string box_;
   std::vector<std::string> road_;
-  fs::path report_;
+  fs::path report_, keys_;
   pid_t pid_ = 0;
   int starts_ = 0;
 };
@@ -146,6 +151,25 @@ struct Boxes {
     ::setenv("XDG_RUNTIME_DIR", folder.c_str(), 1);
   }
   ~Boxes() { fs::remove_all(folder); }
+  // A lab, `rover` and `ada` of it: the road is TLS from the next start on.
+  void use_keys() {
+    keys("init lab");
+    keys("issue robot rover");
+    keys("issue operator ada");
+    robot.use_keys(lab() / "boxes" / "rover");
+    op.use_keys(lab() / "boxes" / "ada");
+  }
+  void revoke_operator() {
+    keys("revoke ada");
+    fs::copy_file(lab() / "ca.crl", lab() / "boxes" / "rover" / "new.crl");
+    fs::rename(lab() / "boxes" / "rover" / "new.crl", lab() / "boxes" / "rover" / "ca.crl");
+  }
+  fs::path lab() const { return folder / "lab"; }
+  void keys(const std::string& words) const {
+    const std::string command = TELETACT_BINARY_DIR "/teletact keys " + words + " --folder " +
+                                lab().string() + " > " + (folder / "keys.txt").string();
+    EXPECT_EQ(std::system(command.c_str()), 0) << read_file(folder / "keys.txt");
+  }
   std::string place() const { return "127.0.0.1:" + std::to_string(port); }
   std::string said() const { return robot.output() + op.output(); }
 

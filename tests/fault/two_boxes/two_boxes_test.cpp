@@ -58,9 +58,10 @@ Ending story(const std::string& name, bool operator_first, bool robot_dials) {
   return Ending::kGood;
 }
 
-void tell(const std::string& name, bool operator_first, bool robot_dials) {
+template <class Story>
+void tell(const std::string& name, const Story& story) {
   for (int n = 1; n <= kTries; ++n) {
-    const Ending ending = story(name + std::to_string(n), operator_first, robot_dials);
+    const Ending ending = story(name + std::to_string(n));
     if (testing::Test::HasFailure()) return;
     if (ending == Ending::kNoRoom) GTEST_SKIP() << "the cores are taken";
     if (ending == Ending::kGood) return;
@@ -69,8 +70,12 @@ void tell(const std::string& name, bool operator_first, bool robot_dials) {
   GTEST_SKIP() << "not judged: the machine disturbed each of " << kTries << " tries";
 }
 
-TEST(TwoBoxes, TheOperatorFirstAndTheRobotListens) { tell("a", true, false); }
-TEST(TwoBoxes, TheRobotFirstAndDials) { tell("b", false, true); }
+TEST(TwoBoxes, TheOperatorFirstAndTheRobotListens) {
+  tell("a", [](const std::string& name) { return story(name, true, false); });
+}
+TEST(TwoBoxes, TheRobotFirstAndDials) {
+  tell("b", [](const std::string& name) { return story(name, false, true); });
+}
 
 // As a service does it: SIGTERM, and the same command again. Nothing that the first run left refuses
 // the second.
@@ -88,5 +93,36 @@ TEST(TwoBoxes, AnOrderlyStopAndAStartAgainInTheSameFolder) {
     }
   }
 }
+
+// Over TLS: the operator's box dies while it is engaged and comes back; then its certificate is
+// revoked while it is engaged, and it is out, told, and not let in again.
+Ending tls_story(const std::string& name) {
+  Boxes b(name, false);
+  b.use_keys();
+  const auto both_engaged = [](const Json& r, const Json& o) { return engaged(r) && engaged(o); };
+  b.robot.start();
+  b.op.start();
+  if (!b.until(both_engaged)) return b.ending;
+  EXPECT_NE(b.robot.status().value("peer", "").find("ada"), std::string::npos) << b.robot.status();
+  b.op.kill_it();
+  if (!b.until([](const Json& r, const Json&) { return waits(r); })) return b.ending;
+  b.op.start();
+  if (!b.until(both_engaged)) return b.ending;
+
+  b.revoke_operator();
+  const auto out = [](const Json& r, const Json& o) {
+    return waits(r) && waits(o) && r.value("turned_away", 0) > 0;
+  };
+  if (!b.until(out)) return b.ending;
+  EXPECT_NE(b.robot.status().value("turned_away_newest", "").find("revoked"), std::string::npos)
+      << b.robot.status();
+  EXPECT_NE(b.robot.output().find("revoked"), std::string::npos) << b.robot.output();
+  EXPECT_FALSE(b.op.ended());
+  EXPECT_EQ(b.op.stop(), 0) << b.op.output();
+  EXPECT_EQ(b.robot.stop(), 0) << b.robot.output();
+  return Ending::kGood;
+}
+
+TEST(TwoBoxes, OverTlsKilledStartedAndRevokedWhileEngaged) { tell("tls", tls_story); }
 
 }  // namespace
