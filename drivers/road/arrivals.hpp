@@ -35,7 +35,7 @@ class ArrivalRate {
   bool begun_ = false;
 };
 
-// "10.0.0.3"; of "2001:db8:1:2::7" "2001:db8:1:2"; of "::ffff:10.0.0.3" the IPv4 address.
+// "10.0.0.3"; of "2001:db8:1:2::7" "2001:db8:1:2::/64"; of "::ffff:10.0.0.3" the IPv4 address.
 [[nodiscard]] std::string place_of(std::string_view address);
 
 class ArrivalTurns {

@@ -24,6 +24,7 @@ LinkBenchResult just_good() {
     row.depth_over_sensor = 0.999;
     row.over_stall_ms = 50;
     row.after_rate_p95_ms = 400;
+    row.thin_spared = row.wide_spared = 0.5;
     row.felt_p95_ms = 140;
     row.felt = 9;
     row.drive = {true, 6, {395, 1}};
@@ -50,22 +51,25 @@ TEST(LinkBench, EachLimitCanBeMissed) {
   const auto row = [](const char* run, double LinkRow::*of, double to) {
     return Spoil([=](LinkBenchResult& r) { r.rows[run].*of = to; });
   };
-  std::vector<Spoil> spoils{window("rest", &LinkWindow::fps, 28.9),
-                            row("rest", &LinkRow::depth_over_sensor, 1),
-                            window("rest", &LinkWindow::age_p95_ms, 200.1),
-                            row("rest", &LinkRow::felt_p95_ms, 140.1),
-                            window("strict", &LinkWindow::fps, 23.9),
-                            window("lenient", &LinkWindow::fps, 28.9),
-                            window("strict", &LinkWindow::age_p95_ms, 200.1),
-                            window("lenient", &LinkWindow::age_p95_ms, 200.1),
-                            window("saturated", &LinkWindow::state_p95_ms, 150.1),
-                            row("stall", &LinkRow::over_stall_ms, 50.1),
-                            row("rate", &LinkRow::after_rate_p95_ms, 400.1),
-                            window("loss", &LinkWindow::fps, 24.9),
-                            [](LinkBenchResult& r) { r.rows["drive"].drive.arrived = false; },
-                            [](LinkBenchResult& r) {
-                              r.rows["drive_stall"].drive.silence = {396, 1};
-                            }};
+  std::vector<Spoil> spoils{
+      window("rest", &LinkWindow::fps, 28.9),
+      row("rest", &LinkRow::depth_over_sensor, 1),
+      window("rest", &LinkWindow::age_p95_ms, 200.1),
+      row("rest", &LinkRow::felt_p95_ms, 140.1),
+      window("strict", &LinkWindow::fps, 23.9),
+      window("lenient", &LinkWindow::fps, 28.9),
+      window("strict", &LinkWindow::age_p95_ms, 200.1),
+      window("lenient", &LinkWindow::age_p95_ms, 200.1),
+      window("saturated", &LinkWindow::state_p95_ms, 150.1),
+      row("stall", &LinkRow::over_stall_ms, 50.1),
+      row("rate", &LinkRow::after_rate_p95_ms, 400.1),
+      [](LinkBenchResult& r) { r.rows["rate"].thin_spared = r.rows["rate"].wide_spared = 0.49; },
+      row("rate", &LinkRow::wide_spared, 0.51),
+      window("loss", &LinkWindow::fps, 24.9),
+      [](LinkBenchResult& r) { r.rows["drive"].drive.arrived = false; },
+      [](LinkBenchResult& r) {
+        r.rows["drive_stall"].drive.silence = {396, 1};
+      }};
   for (const char* run : {"drive_loss", "drive_stall"}) {
     spoils.push_back([run](LinkBenchResult& r) { r.rows[run].drive.arrived = false; });
     spoils.push_back([run](LinkBenchResult& r) { r.rows[run].drive.time_s = 9.1; });
