@@ -30,12 +30,12 @@ void PictureRate::look(std::uint64_t pictures, std::int64_t now_ns) noexcept {
 
 std::string slow_text(const PictureRoad& road, double per_s) {
   if (!is_slow(road, per_s)) return {};
-  char text[240];
+  char text[320];
   std::snprintf(
       text, sizeof text,
       "%.0f of %.0f pictures a second: lossless depth does not fit a road of %.3g Mbit/s; "
-      "start both boxes with --set link.depth_codec=auto (and "
-      "link.colour_codec=h264), or give --rate what the road carries",
+      "start both boxes with --set 'link.depth_codec=\"auto\"' (and "
+      "'link.colour_codec=\"h264\"'), or give --rate what the road carries",
       per_s, road.camera_per_s, road.rate_Mbit_per_s);
   return text;
 }

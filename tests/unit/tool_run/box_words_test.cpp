@@ -161,6 +161,11 @@ TEST(LinkNews, FewPicturesOfALosslessCodec) {
        {teletact::PictureRoad{false, 30, 10}, teletact::PictureRoad{true, 30, 0}})
     EXPECT_EQ(teletact::slow_text(fits, 7), "");
   EXPECT_EQ(teletact::slow_text(road, 29), "");
+  // What it says can be typed: a text in TOML is quoted, and the shell keeps the quotes.
+  const std::string text = teletact::slow_text(road, 7);
+  EXPECT_THAT(text, HasSubstr("--set 'link.depth_codec=\"auto\"'"));
+  EXPECT_THAT(text, HasSubstr("'link.colour_codec=\"h264\"'"));
+  EXPECT_THAT(text, testing::EndsWith("or give --rate what the road carries"));
 }
 
 struct Folder {
