@@ -85,7 +85,7 @@ struct GrowthPart : ConsolePart {
   std::uint64_t messages = 0;  // taken by all viewers
   int reloads = 0;
   double seconds = 0;
-  std::vector<double> server_MB, heap_MB, renderer_MB;  // a second apart
+  std::vector<double> server_MB, heap_MB, renderer_MB;  // a second or two apart
 };
 
 struct ConsoleBenchResult {

@@ -29,7 +29,7 @@ using std::chrono::milliseconds;
 constexpr std::uint64_t kMessages = 108000;  // an hour's worth
 constexpr int kReloads = 200;
 constexpr std::uint64_t kFewer = 10;  // so many times less without --long
-constexpr double kLeast_s = 30;       // memory is looked at each second
+constexpr double kLeast_s = 30;       // memory is looked at every other second
 constexpr double kMost_s = 1500;
 constexpr int kWidth = 160, kHeight = 120;
 constexpr float kBlockEdge_m = 0.16F;
@@ -142,7 +142,7 @@ void publish_for(ConsoleServer& server, Views& views, milliseconds how_long) {
   }
 }
 
-// What the script has said of the browser so far, a line each second.
+// What the script has said of the browser so far, a line every other second.
 void read_lines(const std::string& said, GrowthPart& out) {
   out.heap_MB.clear();
   out.renderer_MB.clear();
@@ -177,7 +177,7 @@ void measure_growth(std::ostream& progress, const ConsoleBenchOptions& options, 
   Views views(server);
   const auto begin = Clock::now();
   const auto passed_s = [&] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
-  // The browser's script tells of its memory once a second at most, more rarely while it reloads.
+  // The browser's script tells of its memory every other second at most, more rarely while it reloads.
   while (out.messages < messages || out.reloads < reloads || passed_s() < least_s ||
          out.heap_MB.size() < Growth::kLeast) {
     publish_for(server, views, milliseconds{1000});
