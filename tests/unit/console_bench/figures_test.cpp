@@ -6,6 +6,7 @@
 
 #include "rt/quantile.hpp"
 #include "tools/measure/bench/console/console_figures.hpp"
+#include "tools/measure/bench/paired.hpp"
 
 namespace teletact {
 namespace {

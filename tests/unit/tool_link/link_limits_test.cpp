@@ -18,6 +18,7 @@ LinkBenchResult just_good() {
   LinkBenchResult r;
   r.congestion = {"bbr", "cubic"};
   for (const auto& name : link_run_names()) {
+    if (name == "pairs") continue;
     LinkRow& row = r.rows[name];
     row.robot_congestion = row.operator_congestion = "bbr";
     row.window = {60, 1740, 6000, 29, 110, 200, 220, 150, 5, 0, 0};
@@ -29,6 +30,10 @@ LinkBenchResult just_good() {
     row.felt = 9;
     row.drive = {true, 6, {395, 1}};
   }
+  LinkPairs& pairs = r.pairs.emplace();
+  pairs.idle.tick_instructions = pairs.saturated.tick_instructions = 5714;
+  pairs.idle.late_us = {{{10, 12, 9}, {20, 21, 22}}},
+  pairs.saturated.late_us = {{{11, 14, 9}, {19, 24, 22}}};
   r.rows["strict"].window.fps = 24;
   r.rows["loss"].window.fps = 25;
   r.rows["drive_loss"].drive.time_s = r.rows["drive_stall"].drive.time_s = 9;
@@ -69,7 +74,9 @@ TEST(LinkBench, EachLimitCanBeMissed) {
       [](LinkBenchResult& r) { r.rows["drive"].drive.arrived = false; },
       [](LinkBenchResult& r) {
         r.rows["drive_stall"].drive.silence = {396, 1};
-      }};
+      },
+      [](LinkBenchResult& r) { r.pairs->saturated.own_misses = 1; },
+      [](LinkBenchResult& r) { r.pairs->saturated.tick_instructions = 5715; }};
   for (const char* run : {"drive_loss", "drive_stall"}) {
     spoils.push_back([run](LinkBenchResult& r) { r.rows[run].drive.arrived = false; });
     spoils.push_back([run](LinkBenchResult& r) { r.rows[run].drive.time_s = 9.1; });
@@ -117,6 +124,15 @@ TEST(LinkBench, WhatWasNotMeasuredSaysWhy) {
   nothing_felt.rows["rest"].felt = 0;
   EXPECT_THAT(printed(nothing_felt), HasSubstr("the hand touched nothing"));
 
+  LinkBenchResult other = just_good();
+  other.pairs->busy = "others used 2.00 of a core, 0.05 is allowed";
+  other.pairs->idle.own_misses = 3;
+  EXPECT_EQ(other.missed(), 0) << "a miss that others may have caused";
+  other.pairs->idle.tick_instructions = 6000;
+  EXPECT_EQ(other.missed(), 1) << "instructions do not depend on it";
+  other.pairs.reset();
+  EXPECT_EQ(count(other.limits(), Limit::State::kNotMeasured), 2) << printed(other);
+
   LinkBenchResult stood = just_good();
   stood.rows["drive_stall"].drive.silence = {0, 0};
   EXPECT_EQ(count(stood.limits(), Limit::State::kNotMeasured), 1);
@@ -130,6 +146,12 @@ TEST(LinkBench, ItsFiguresHaveTheirNames) {
          {"fps", "age_p95_ms", "state_age_p95_ms", "mbit_s", "depth_err_over_sensor"})
       EXPECT_EQ(names.count(std::string("link.") + state + "." + what), 1U) << state << what;
   EXPECT_EQ(names.count("link.loss.drive_time_ratio"), 1U);
+  for (const auto& m : just_good().metrics()) {
+    if (m.name == "link.pairs.robot_io_late_us") {
+      EXPECT_EQ(m.value, 0) << "of -1, 0, 3: 0";
+    }
+  }
+  EXPECT_EQ(names.count("link.pairs.robot_io_late_us"), 1U);
 }
 
 }  // namespace

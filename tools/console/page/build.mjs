@@ -14,8 +14,8 @@ await build({ entryPoints: ['src/main.ts'], outfile: `${site}/page.js`, bundle: 
 for (const file of ['index.html', 'style.css', 'icon.svg']) cpSync(file, `${site}/${file}`);
 if (words.includes('--tests')) {
   const programs = { twin: 'twin/twin_main', page_test: 'test/page_test',
-    real_test: 'test/real_test', measure: 'test/measure', film: 'test/film',
-    pictures: 'test/pictures' };
+    real_test: 'test/real_test', boxes_test: 'test/boxes_test', measure: 'test/measure',
+    film: 'test/film', pictures: 'test/pictures' };
   for (const [name, file] of Object.entries(programs)) {
     await build({ ...node, entryPoints: [`${file}.ts`], outfile: `run/${name}.mjs` });
   }

@@ -4,16 +4,14 @@
 #include <fstream>
 #include <functional>
 #include <limits>
-#include <stdexcept>
 #include <thread>
 
-#include "rt/audit/blame.hpp"
 #include "rt/clock/box_time.hpp"
-#include "rt/quantile.hpp"
 #include "tools/measure/bench/callgrind.hpp"
 #include "tools/measure/bench/console/console_bench.hpp"
 #include "tools/measure/bench/console/demo_child.hpp"
 #include "tools/measure/bench/console/page_client.hpp"
+#include "tools/measure/bench/lateness.hpp"
 
 namespace teletact {
 
@@ -88,41 +86,11 @@ struct Window {
   std::int64_t from = 0, to = 0;
 };
 
-rt::TaskLog slice(const rt::TaskLog& task, const Window& w) {
-  rt::TaskLog out = task;
-  out.past.reset();
-  out.totals.reset();
-  std::erase_if(out.jobs, [&](const rt::JobRecord& j) {
-    return j.release_ns < w.from || j.release_ns >= w.to;
-  });
-  return out;
-}
-
-const rt::TaskLog& task_of(const rt::RunLog& log, const char* name) {
-  for (const auto& t : log.tasks)
-    if (t.spec.name == name) return t;
-  throw std::runtime_error(std::string("the run has no task ") + name);
-}
-
 double fusion_ms(const rt::RunLog& log, const Window& w) {
-  const auto jobs = slice(task_of(log, "fusion"), w).jobs;
+  const auto jobs = released_in(task_of(log, "fusion"), w.from, w.to).jobs;
   double sum = 0;
   for (const auto& j : jobs) sum += 1e-6 * static_cast<double>(j.cpu_ns);
   return jobs.empty() ? kNaN : sum / static_cast<double>(jobs.size());
-}
-
-double late_us(const rt::RunLog& log, const Window& w) {
-  std::vector<double> us;
-  for (const auto ns : rt::late_minus_sentinel(log, slice(task_of(log, "haptic"), w)))
-    us.push_back(1e-3 * static_cast<double>(ns));
-  return rt::quantile_or_nan(us, 0.99);
-}
-
-std::uint64_t own_misses(const rt::RunLog& log) {
-  std::uint64_t all = 0;
-  for (const auto& t : log.tasks)
-    all += rt::blame(log, t).misses[static_cast<std::size_t>(rt::Cause::kOwn)];
-  return all;
 }
 
 Window rest(const std::function<void()>& meanwhile) {
@@ -163,8 +131,8 @@ void measure_cost(std::ostream& progress, const ConsoleBenchOptions& options, Co
   for (std::size_t i = 0; i < open.size(); ++i) {
     out.fusion_open_ms.push_back(fusion_ms(demo.op.log, open[i]));
     out.fusion_closed_ms.push_back(fusion_ms(demo.op.log, closed[i]));
-    out.late_open_us.push_back(late_us(demo.op.log, open[i]));
-    out.late_closed_us.push_back(late_us(demo.op.log, closed[i]));
+    out.late_open_us.push_back(late_p99_us(demo.op.log, "haptic", open[i].from, open[i].to));
+    out.late_closed_us.push_back(late_p99_us(demo.op.log, "haptic", closed[i].from, closed[i].to));
   }
   out.own_misses = own_misses(demo.op.log) + own_misses(demo.robot.log);
   out.server_share =

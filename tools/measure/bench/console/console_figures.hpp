@@ -45,14 +45,4 @@ struct Growth {
 };
 [[nodiscard]] Growth growth(std::span<const double> values);
 
-// Of pairs measured in turn: median of with - without and its interval, from the order statistics
-// alone, so that it holds for any distribution.
-struct PairedDifference {
-  int pairs = 0;
-  double median = 0, low = 0, high = 0;  // NaN: no pair
-  double coverage = 0;  // that the interval holds the median; fewer than 6 pairs reach no 95 %
-};
-[[nodiscard]] PairedDifference paired(std::span<const double> with,
-                                      std::span<const double> without);
-
 }  // namespace teletact

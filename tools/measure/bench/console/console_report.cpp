@@ -7,6 +7,7 @@
 
 #include "rt/quantile.hpp"
 #include "tools/measure/bench/console/console_bench.hpp"
+#include "tools/measure/bench/paired.hpp"
 
 namespace teletact {
 

@@ -24,10 +24,11 @@ constexpr double kRate_Mbit_per_s = 10;
 constexpr double kPath_ms = 95, kStall_ms = 400;
 // Of the road's clock, which begins a few seconds before the boxes do.
 constexpr double kThin_at_s = 18, kWide_at_s = 30, kFirstStall_at_s = 12, kStallEvery_s = 4;
-constexpr double kSettle_s = 3;
 // The lens counts as moving from so fast on; stretches shorter than this tell of no rate.
 constexpr double kMoves_m_per_s = 0.05, kLeastMoving_s = 1;
 constexpr double kLeastMovingAll_s = 8;
+constexpr double kPairedRun_s = 12;
+constexpr const char* kPairs = "pairs";
 // After the road fell silent: what left before still arrives (kPath_ms), and until the first that
 // was held up arrives.
 constexpr double kUntil_ms = kStall_ms + 75;
@@ -57,17 +58,27 @@ const std::string kNobodyEngages = "operator.engage_after_s=3600";
 // Once it was followed: an engagement that is lost stays lost, and the mark is not reached.
 const std::string kEngagedOnce = "operator.re_engage_after_s=0";
 
+RigRun at_rest(const std::string& name, double s, const Words& road,
+               const std::string& depth = "quiet") {
+  return {name, "default_room", scene_keys(depth, {kNobodyEngages}), road, s};
+}
+
+struct PairedRuns {
+  RigRun idle, saturated;
+};
+PairedRuns paired_runs() {
+  return {at_rest("idle", kPairedRun_s, road_keys()),
+          at_rest("saturated", kPairedRun_s, road_keys(), "lossless")};
+}
+
 std::vector<RigRun> runs_of(const LinkBenchOptions& o) {
   const double whole = o.seconds, part = std::max(20.0, o.seconds / 2);
-  const auto at_rest = [](const std::string& name, double s, const Words& road) {
-    return RigRun{name, "default_room", scene_keys("quiet", {kNobodyEngages}), road, s};
-  };
   std::vector<RigRun> all{
       at_rest("rest", whole, road_keys()),
       {"strict", "rounds", scene_keys("moving"), road_keys(), whole},
       {"lenient", "rounds", scene_keys("moving", {"link.depth_noise=\"lenient\""}), road_keys(),
        whole},
-      {"saturated", "default_room", scene_keys("lossless", {kNobodyEngages}), road_keys(), part},
+      at_rest("saturated", part, road_keys(), "lossless"),
       at_rest("stall", part, stall_keys()),
       // Moving: at rest the pictures take less than the thin road carries.
       {"rate", "rounds", scene_keys("moving"),
@@ -81,21 +92,6 @@ std::vector<RigRun> runs_of(const LinkBenchOptions& o) {
   for (RigRun& run : all)
     run.record = run.name == "rest" || run.name == "strict" || run.name == "lenient";
   return all;
-}
-
-std::int64_t after(std::int64_t from_ns, double s) {
-  return from_ns + static_cast<std::int64_t>(s * 1e9);
-}
-
-// From the first picture on, when everything has settled, to a moment before the last.
-Span_ns settled(const std::vector<tasks::LinkSample>& samples) {
-  std::int64_t first = 0, last = 0;
-  for (const auto& s : samples) {
-    if (!s.picture) continue;
-    if (first == 0) first = rt::ns_of(s.stamp);
-    last = rt::ns_of(s.stamp);
-  }
-  return {after(first, kSettle_s), std::max(after(first, kSettle_s), after(last, -0.2))};
 }
 
 bool is(const RigRun& run, const char* name) { return run.name == name; }
@@ -115,10 +111,10 @@ void judge_windows(const RigRun& run, const RigResult& r, LinkRow& row) {
   if (is(run, "stall"))
     row.over_stall_ms = over_stall_ms(samples, all, kStall_ms, kPath_ms, kRate_Mbit_per_s);
   if (!is(run, "rate")) return;
-  const std::int64_t thin = after(r.road_epoch_ns, kThin_at_s),
-                     wide = after(r.road_epoch_ns, kWide_at_s);
-  const std::array<Span_ns, 1> in_thin{Span_ns{after(thin, kSettle_s), wide}},
-      in_wide{Span_ns{after(wide, kSettle_s), all.to}};
+  const std::int64_t thin = later(r.road_epoch_ns, kThin_at_s),
+                     wide = later(r.road_epoch_ns, kWide_at_s);
+  const std::array<Span_ns, 1> in_thin{Span_ns{later(thin, kSettled_s), wide}},
+      in_wide{Span_ns{later(wide, kSettled_s), all.to}};
   const LinkWindow thin_part = link_window(samples, in_thin),
                    wide_part = link_window(samples, in_wide);
   row.after_rate_p95_ms = std::max(thin_part.age_p95_ms, wide_part.age_p95_ms);
@@ -145,7 +141,7 @@ void judge_drive(const RigRun& run, const RigResult& r, LinkRow& row) {
   if (!is(run, "drive_stall")) return;
   std::vector<std::int64_t> silences;
   for (double at = kFirstStall_at_s; at < run.seconds + 20; at += kStallEvery_s)
-    silences.push_back(after(r.road_epoch_ns, at));
+    silences.push_back(later(r.road_epoch_ns, at));
   row.drive.silence = after_silences(r.robot.view.robot, silences, kUntil_ms);
 }
 
@@ -182,6 +178,7 @@ const std::vector<std::string>& link_run_names() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all;
     for (const RigRun& run : runs_of({})) all.push_back(run.name);
+    all.emplace_back(kPairs);
     return all;
   }();
   return names;
@@ -194,12 +191,19 @@ LinkBenchResult bench_link(std::ostream& progress, const LinkBenchOptions& optio
   if (!out.refusal.empty()) return out;
   out.congestion = settable_congestion({"bbr", "cubic"});
   const LinkRig rig;
+  const auto& only = options.only;
+  const auto wanted = [&](const std::string& name) {
+    return only.empty() || std::find(only.begin(), only.end(), name) != only.end();
+  };
   for (const RigRun& run : runs_of(options)) {
-    const auto& only = options.only;
-    if (!only.empty() && std::find(only.begin(), only.end(), run.name) == only.end()) continue;
+    if (!wanted(run.name)) continue;
     progress << run.name << ": " << run.seconds << " s\n" << std::flush;
     const LinkRow& row = out.rows[run.name] = judge(run, rig.run(run));
     if (!row.problem.empty()) progress << "  " << row.problem << "\n" << std::flush;
+  }
+  if (wanted(kPairs)) {
+    const auto [idle, saturated] = paired_runs();
+    out.pairs = measure_pairs(progress, rig, idle, saturated);
   }
   return out;
 }

@@ -10,6 +10,7 @@
 //   rate       10 to 4 to 10 Mbit/s, told to nobody
 //   loss       .5 % of the packets
 //   drive      the default mark; again with .5 % loss; again with the stalls
+//   pairs      ten times idle and saturated in turn: what the road does to the tasks of 1 kHz
 //
 // What others do on this machine's cores makes pictures rarer and older than the road does: above
 // .05 of a core figures of time are printed and count as not measured.
@@ -23,6 +24,7 @@
 
 #include "tools/files/bench_metric.hpp"
 #include "tools/measure/bench/limit.hpp"
+#include "tools/measure/bench/link/link_pairs.hpp"
 #include "tools/measure/bench/link/link_stages.hpp"
 #include "tools/measure/bench/link/link_window.hpp"
 
@@ -63,6 +65,7 @@ struct LinkBenchResult {
   std::string host;
   std::vector<std::string> congestion;  // that a socket of this kernel takes
   std::map<std::string, LinkRow> rows;  // by the name of the run
+  std::optional<LinkPairs> pairs;       // none: it was not run
 
   [[nodiscard]] std::vector<Limit> limits() const;
   [[nodiscard]] int missed() const { return teletact::missed(limits()); }

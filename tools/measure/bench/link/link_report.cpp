@@ -6,6 +6,7 @@
 
 #include "rt/quantile.hpp"
 #include "tools/measure/bench/link/link_bench.hpp"
+#include "tools/measure/bench/paired.hpp"
 
 namespace teletact {
 
@@ -39,6 +40,19 @@ class Judge {
     const std::string not_here = why_not(run, of_time);
     all.add(what, r == nullptr ? kNaN : of(*r), sense, limit, not_here.empty() ? why : not_here);
   }
+  // The tasks' own misses, and the work of a tick of the hand: the road may add neither.
+  void pairs(Limits& all) const {
+    const LinkPairs none, &p = result_.pairs ? *result_.pairs : none;
+    std::string why = !result_.refusal.empty() ? "the road " + result_.refusal
+                      : !result_.pairs         ? kNotRun
+                                               : p.problem;
+    all.add("pairs: misses of the tasks' own",
+            static_cast<double>(p.idle.own_misses + p.saturated.own_misses), "<=", 0,
+            why.empty() ? p.busy : why);
+    if (result_.pairs) why = p.not_counted;
+    all.add("pairs: instructions of the median tick, saturated over idle",
+            std::abs(p.saturated.tick_instructions - p.idle.tick_instructions), "<=", 0, why);
+  }
 
  private:
   const LinkBenchResult& result_;
@@ -68,6 +82,39 @@ void print_stages(std::ostream& out, const std::map<std::string, LinkRow>& rows)
                   rt::quantile(ms, 0.95));
     out << line;
   }
+}
+
+double mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return values.empty() ? kNaN : sum / static_cast<double>(values.size());
+}
+
+void print_pairs(std::ostream& out, const LinkPairs& p) {
+  char line[200];
+  std::snprintf(line, sizeof line,
+                "pairs: idle %.1f fps, %.2f Mbit/s; saturated %.1f fps, %.2f Mbit/s; others used "
+                "%.2f of a core at most\n",
+                mean(p.idle.fps), mean(p.idle.mbit_s), mean(p.saturated.fps),
+                mean(p.saturated.mbit_s), p.others_cores);
+  out << line;
+  for (std::size_t t = 0; t < kPairedTasks.size(); ++t) {
+    const auto &idle = p.idle.late_us[t], &saturated = p.saturated.late_us[t];
+    const PairedDifference d = paired(saturated, idle);
+    std::snprintf(line, sizeof line,
+                  "  %-9s p99 over the sentinel, idle %.1f us; saturated - idle: %d pairs, median "
+                  "%+.1f us, [%+.1f, %+.1f] holds it with %.1f %%\n",
+                  kPairedTasks[t], rt::quantile_or_nan(idle, 0.5), d.pairs, d.median, d.low, d.high,
+                  100 * d.coverage);
+    out << line;
+  }
+  std::snprintf(line, sizeof line,
+                "  own misses %llu idle, %llu saturated; median tick of the hand %.0f and %.0f "
+                "instructions\n",
+                static_cast<unsigned long long>(p.idle.own_misses),
+                static_cast<unsigned long long>(p.saturated.own_misses), p.idle.tick_instructions,
+                p.saturated.tick_instructions);
+  out << line;
 }
 
 }  // namespace
@@ -122,6 +169,7 @@ std::vector<Limit> LinkBenchResult::limits() const {
       all, "drive_stall: base moves after the road is silent, ms", "drive_stall",
       "<=", kStandsWithin_ms, [](const LinkRow& r) { return r.drive.silence.stands_ms; }, false,
       drove ? "" : "the base stood at every stall");
+  j.pairs(all);
   return all.all();
 }
 
@@ -155,6 +203,11 @@ std::vector<BenchMetric> LinkBenchResult::metrics() const {
   one("link.rate.age_p95_ms", "rate", rate != nullptr ? rate->after_rate_p95_ms : kNaN, "ms");
   one("link.drive_s", "drive", drive != nullptr ? drive->drive.time_s : kNaN, "s");
   one("link.loss.drive_time_ratio", "drive_loss", ratio(j.row("drive_loss"), drive), "1");
+  if (pairs && pairs->problem.empty()) {
+    for (std::size_t t = 0; t < kPairedTasks.size(); ++t)
+      all.push_back({std::string("link.pairs.") + kPairedTasks[t] + "_late_us",
+                     paired(pairs->saturated.late_us[t], pairs->idle.late_us[t]).median, "us"});
+  }
   one("link.stall.drive_time_ratio", "drive_stall", ratio(j.row("drive_stall"), drive), "1");
   return all;
 }
@@ -191,6 +244,7 @@ void LinkBenchResult::print(std::ostream& out) const {
     out << line;
   }
   print_stages(out, rows);
+  if (pairs) print_pairs(out, *pairs);
   out << "ages in ms; others: cores that other work took; congestion: read back by both boxes\n";
   teletact::print(out, limits());
 }

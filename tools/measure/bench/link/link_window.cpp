@@ -29,6 +29,17 @@ double speed_between(const TruthSample& a, const TruthSample& b) {
 
 }  // namespace
 
+Span_ns settled(std::span<const tasks::LinkSample> samples) {
+  std::int64_t first = 0, last = 0;
+  for (const auto& s : samples) {
+    if (!s.picture) continue;
+    if (first == 0) first = rt::ns_of(s.stamp);
+    last = rt::ns_of(s.stamp);
+  }
+  const std::int64_t from = later(first, kSettled_s);
+  return {from, std::max(from, later(last, -0.2))};
+}
+
 LinkWindow link_window(std::span<const tasks::LinkSample> samples, std::span<const Span_ns> spans) {
   LinkWindow w;
   std::vector<double> picture, state;

@@ -28,6 +28,14 @@ struct Span_ns {
   std::int64_t from = 0, to = 0;
 };
 
+[[nodiscard]] inline std::int64_t later(std::int64_t from_ns, double s) {
+  return from_ns + static_cast<std::int64_t>(s * 1e9);
+}
+// After the first picture, or a change of the road, everything has settled so long later.
+inline constexpr double kSettled_s = 3;
+// From then to a moment before the last picture.
+[[nodiscard]] Span_ns settled(std::span<const tasks::LinkSample> samples);
+
 // Arrivals in all of `spans`, taken together.
 [[nodiscard]] LinkWindow link_window(std::span<const tasks::LinkSample> samples,
                                      std::span<const Span_ns> spans);
