@@ -50,7 +50,7 @@ class LinkEndpoint {
   void set_tap(Tap tap) { tap_ = std::move(tap); }
 
   // Called at every poll once both clocks are known; `busy_for`: how long the line will still be
-  // busy with what it was given, Nanos::max() where only that it is.
+  // busy with what it was given; Nanos::max(): busy, for an unknown time.
   using Ask = std::function<void(rt::Time now, rt::Nanos busy_for)>;
   void set_ask(Ask ask) { ask_ = std::move(ask); }
   // Rungs of FrameAsker that the transport wishes to be spared, because the road's round trip

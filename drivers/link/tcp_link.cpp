@@ -26,9 +26,8 @@ rt::Result<sockaddr_in> loopback(const std::string& address, int port) {
     return rt::Error{"link.address = " + address + ": not an IPv4 address"};
   }
   if ((ntohl(a.sin_addr.s_addr) >> 24U) != 127U) {
-    return rt::Error{
-        "link.address = " + address +
-        ": the link is not authenticated yet, so only loopback (127.0.0.0/8) is allowed"};
+    return rt::Error{"link.address = " + address +
+                     ": this link has no keys, so only loopback (127.0.0.0/8) is allowed"};
   }
   if (port < 0 || port > 65535)
     return rt::Error{"link.port = " + std::to_string(port) + ": allowed 0..65535"};

@@ -1,5 +1,6 @@
-// SurfacePatch: the dense window of the distance field round the hand; the only thing the haptic
-// task ever reads of the map (docs/architecture.md, "the patch").
+// SurfacePatch: the dense window of the distance field round the hand. Of the map the haptic task
+// reads this, and for the method force_shading the newest ray cast (docs/architecture.md, "the
+// patch").
 //
 // Shape    n^3 nodes, n = 8..64, a multiple of 4; stored in 4^3 bricks so that the eight corners
 //          of a trilinear sample share one or two cache lines.

@@ -73,8 +73,8 @@ class Caster {
     }
   }
 
-  // The two bounds do not overlap. Unsaid, the program tests it for every block and row, which takes
-  // more or fewer instructions by which of the two the allocator put first.
+  // The two bounds do not overlap. Unsaid, the program tests it for every block and row, which
+  // takes more or fewer instructions by which of the two the allocator put first.
   static void widen_row(int row, const BoxView& box, float* __restrict near_m,
                         float* __restrict far_m) noexcept {
     for (int tile = row + (box.u0 >> kTileShift); tile <= row + (box.u1 >> kTileShift); ++tile) {

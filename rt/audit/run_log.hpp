@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "rt/audit/histogram.hpp"
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/sched/task_spec.hpp"
 
 namespace rt {

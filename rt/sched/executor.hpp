@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/sched/task.hpp"
 

@@ -1,11 +1,11 @@
 // A task as an executor sees it: a spec and a body. One job is latch -> step -> commit on one thread.
 #pragma once
 
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/health.hpp"
 #include "rt/sched/fork_join.hpp"
 #include "rt/sched/task_spec.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 
 namespace rt {
 

@@ -22,7 +22,7 @@
 #include "drivers/link/frame_codec.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 
 namespace tasks {
 

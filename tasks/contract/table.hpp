@@ -4,9 +4,14 @@
 //     camera ─▶ capture ══frame══▶ fusion ──patch──▶ haptic ◀──▶ Omega
 //                                    │ ▲───hand──────┘ │
 //                                    │cost_map         │touch
+//                                    └─────────────┐   │
+//                                                  ▼   ▼
 //     bus ◀─▶ robot_io ◀══goal══ prediction ◀─path─ planning
 //                 └═══robot_state══▶ prediction, planning, fusion, supervision
 //     supervision (one on each box) ──mode──▶ haptic, prediction, planning; robot_io
+//
+// Not drawn: camera_pose, surface, objects, odometry_frame, and what the console asks for (edit,
+// act, drive).
 //
 // A process instantiates the rows of its box; an edge that crosses boxes (══) becomes a link
 // endpoint at both ends. Tasks see channels only, never each other.
@@ -74,7 +79,8 @@ struct VariantRow {
 struct WatchRow {
   std::uint16_t fault = 0;  // 0: not watched
   int silence_ms = 0;
-  int input = 0;      // place of its health's number in supervision's rt::JobRecord::input_seq
+  // Index in supervision's rt::JobRecord::input_seq of the number of this task's newest health.
+  int input = 0;
   int published = 0;  // place of that number in a recording of its own jobs
 };
 
@@ -139,7 +145,8 @@ struct EdgeRow {
   TaskId from;
   EdgeKind kind;
   std::string_view beyond;  // what happens without it
-  // Place among the publications of its writer that a recording notes; kUnlisted: no task reads it.
+  // Index of this edge among its writer's publications in a recording; kUnlisted: not numbered
+  // there.
   int published = kUnlisted;
   Wire wire = {};
   int room = 0;  // of a ring: how many elements it holds

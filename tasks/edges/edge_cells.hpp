@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "drivers/link/encoded_frame.hpp"
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/channel/latest.hpp"
 #include "rt/channel/ring.hpp"
 #include "tasks/contract/fields.hpp"

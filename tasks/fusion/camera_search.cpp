@@ -101,9 +101,9 @@ void CameraSearch::recover(perception::TsdfMap& map, const LostFrame& f,
   const std::uint64_t work = r.work;
   bool found = false;
   if (fits && !was_confirming && (trusted || !view.valid())) {
-    // Odometry says that it is no other place; else the next frame is compared in a view without
-    // hint. Not before all of it is in the pool: until then it is found again in the view that
-    // there is.
+    // Trusted odometry rules out a place that looks alike. Without it the next frame is compared
+    // with a new view, cast without a hint. Until that view's blocks are in the pool, the present
+    // view is used.
     found = look(map, r.X_WC) && trusted;
     look_again_ = false;
   } else if (was_confirming || look_again_ || (!fits && moved_on(f))) {

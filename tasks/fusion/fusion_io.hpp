@@ -49,7 +49,8 @@ struct FusionIn {
   const perception::GivenObject* given = nullptr;  // to be named now, by the operator
   std::uint16_t drop_object = 0;  // lower bits of the serial of one that is none any more; 0: none
   std::uint64_t mesh_taken = 0;   // seq of the newest delta that its receiver took
-  std::optional<Pose> X_WV;       // eye of the view; none: the camera
+  // Not set by the node of this stack: for an arm that grasps, and a view of one's own.
+  std::optional<Pose> X_WV;                    // eye of the view; none: the camera
   std::optional<perception::HeldObject> held;  // from grasp to release
 };
 

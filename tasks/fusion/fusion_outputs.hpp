@@ -16,7 +16,7 @@
 #include "perception/tsdf/patch/patch_smooth.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/fusion/camera_tracking.hpp"
 #include "tasks/fusion/fusion_config.hpp"
 #include "tasks/fusion/fusion_io.hpp"

@@ -40,7 +40,7 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/fusion/camera_search.hpp"
 #include "tasks/fusion/camera_tracking.hpp"
 #include "tasks/fusion/fusion_body.hpp"

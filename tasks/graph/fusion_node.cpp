@@ -157,8 +157,8 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.objects_written) rt::effect_ran(rt::Effect::kObjects);
   if (out_.objects_written) send(kOut<EdgeId::kObjects>, *out_.objects);
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
-  // A force waits for the patch, nobody for the rest of the job. What another task reads is all
-  // published by here: a recording has one end of a job, and who read a part of it read it there.
+  // Haptic waits for the patch, so it goes out first. All that tasks read is published before
+  // end_step(): a recording has one end time for a job, and its readers read at that time.
   end_step(tick, record);
   if (out_.view_written) send(kOut<EdgeId::kView>, *out_.view);
   if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);

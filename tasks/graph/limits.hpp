@@ -2,8 +2,8 @@
 //
 // A LimitWatch is one row of that table in one reader. It is asked at the latch, with the reader's clock; what the
 // reader then does is its node's or its task's, and said in the row. Each time a limit is crossed, and when the value is
-// in time again, the reader's log says so. Nothing published yet, or nothing sensed yet in what was: not within, and
-// not told.
+// in time again, the reader's log says so. Before a first publication, or before its value holds
+// anything sensed, the value is not within the limit, and no line says so.
 #pragma once
 
 #include <algorithm>

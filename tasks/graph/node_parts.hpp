@@ -6,7 +6,7 @@
 
 #include "rt/channel/latest.hpp"
 #include "rt/channel/ring.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/edges/edge_faults.hpp"
 #include "tasks/graph/task_log.hpp"

@@ -9,8 +9,9 @@ using perception::Vec3;
 
 namespace {
 
-// What is exactly zero is solid: a plate of one voxel may be nothing else. No more than that: where a
-// crease lies on nodes the gradient fades to zero, and a clearance of f stands off by its root.
+// Exactly zero counts as solid: a plate of one voxel may hold nothing else. The clearance is tiny:
+// where a crease lies on nodes the gradient fades to zero, and a clearance f moves the proxy off by
+// sqrt(f).
 constexpr double kClear_m = 1e-10;
 constexpr double kOn = 1e-9;      // nearer than this the point is on the surface
 constexpr double kExact = 1e-11;  // a Newton step onto the surface ends here

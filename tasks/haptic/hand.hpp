@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "perception/geometry/pose.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 
 namespace tasks {
 

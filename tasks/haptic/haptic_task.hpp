@@ -32,9 +32,9 @@
 
 #include "drivers/haptic/haptic_device.hpp"
 #include "perception/patch/surface_patch.hpp"
+#include "rt/clock/tick.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/haptic/contact.hpp"
 #include "tasks/haptic/energy_books.hpp"
@@ -74,7 +74,8 @@ class HapticTask {
     // step).
     const SurfacePoints* surface = nullptr;
     bool surface_stale = false;  // none was published for its liveness: the force ramps to zero
-    ModeMsg mode;                // seq 0 = none yet
+    // seq 0 = none yet. One that is too old comes as a ramp down, and so does a hold with a cause.
+    ModeMsg mode;
     bool clutch = false;  // held: forces fade out, the device moves, the hand in the scene does not
     std::optional<double> view_yaw_rad;  // taken over while the clutch is held (yaw_of_view())
   };

@@ -37,7 +37,7 @@ struct SurfacePoints;  // tasks/contract/surface_points.hpp
 struct ProxyConfig {
   double tip_radius_m = 0.0;
   int iterations_max = 120;   // descent steps a tick; the proxy catches up in the next tick
-  double tolerance_m = 2e-8;  // of the constraint; t sticks sideways by sqrt(2 depth t)
+  double tolerance_m = 2e-8;  // t of the constraint: the proxy sticks sqrt(2 depth t)
   double step_min_m = 2e-6;   // a descent step below this ends the tick
   bool shade = true;          // cell_flow.hpp
   const SurfacePoints* surface = nullptr;  // force_shading only: the newest ray cast

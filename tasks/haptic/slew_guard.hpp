@@ -62,7 +62,8 @@ class SlewGuard {
 
  private:
   [[nodiscard]] double limit(const perception::Vec3& change, double dh, bool steps) const noexcept {
-    constexpr double kCalmRise_N_per_m = 1000;  // a soft spring's hand is not stiller for it
+    // Least stiffness used here: with a soft spring a moving hand must not count as still.
+    constexpr double kCalmRise_N_per_m = 1000;
     const double moved = stiffness_N_per_m_ * dh;
     const double most = std::max(slew_N_, 1.1 * moved);
     if (steps) return most;

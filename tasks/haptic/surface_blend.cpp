@@ -14,7 +14,8 @@ namespace {
 // chosen on: not recorded; judged on: stability 12, 13, 14, 17, 20
 constexpr double kStep_N_per_s = 130, kGoesOn = 0.25;
 
-// What puts more into the spring of a hand that stands is slowed for that, and would come too late.
+// A rise that would put more energy than this into the spring is not blended as a step: the energy
+// budget would slow it until it came too late.
 constexpr double kStepMost_J = 0.05;  // derived: the budget of an event (energy.hpp)
 
 // A step's blend lasts so many periods: at 30 Hz it is felt whole within 50 ms of its publication.

@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "perception/geometry/pose.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/haptic/proxy.hpp"
 

@@ -9,7 +9,7 @@
 #include <span>
 
 #include "perception/ground/cost_map.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 
 namespace tasks {
 

@@ -28,7 +28,7 @@
 #include "config/schema.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 
 namespace tasks {
 

@@ -23,7 +23,7 @@ void PlanningConfig::describe(config::Section& s) {
   s.number("arrive_m", arrive_m, 0.005, 0.5, "distance to the last point that counts as arrived");
   s.number("arrive_speed_m_per_s", arrive_speed_m_per_s, 0.001, 1.0, "and the speed");
   s.number("switch_s", switch_s, 0.0, 2.0,
-           "from a new path to the goal it sends, but for the way to the robot");
+           "time from a new path to the goal that is made from it, the link's delay not included");
   s.number("brake_m_per_s2", brake_m_per_s2, 0.05, 5.0, "deceleration a new path may count on");
   s.number("leave_m", leave_m, 0.05, 5.0, "farther from the path: plan again");
   s.number("reached_m", reached_m, 0.0, 5.0,

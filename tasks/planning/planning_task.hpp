@@ -41,7 +41,7 @@
 #include "perception/ground/cost_map.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/object_list.hpp"
 #include "tasks/contract/operator_act.hpp"

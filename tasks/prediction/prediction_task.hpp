@@ -25,7 +25,7 @@
 #include "drivers/link/messages.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/operator_act.hpp"
 #include "tasks/contract/table.hpp"

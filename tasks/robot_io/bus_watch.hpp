@@ -21,7 +21,7 @@
 
 #include "drivers/youbot/motor_bus.hpp"
 #include "rt/health.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 
 namespace tasks {
 

@@ -38,7 +38,7 @@ RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
                                 " rad/s at the wheels, wheel_speed_limit_rad_per_s is " +
                                 std::to_string(config.wheel_speed_limit_rad_per_s));
   }
-  trajectory_.halt(odometry_.pose());
+  trajectory_.zero_at_once(odometry_.pose());
 }
 
 Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
@@ -68,13 +68,13 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   PlanarVelocity v_O;
   switch (drive) {
     case Drive::kOff:
-      trajectory_.halt(X_OB);
+      trajectory_.zero_at_once(X_OB);
       break;
     case Drive::kRampDown:
       v_O = trajectory_.ramp_down(X_OB, dt);
       break;
     case Drive::kHalt:
-      v_O = trajectory_.stop(X_OB, dt);
+      v_O = trajectory_.brake(X_OB, dt);
       break;
     case Drive::kGoal: {
       // Measured before the reference moves on: both are of this tick's sample.

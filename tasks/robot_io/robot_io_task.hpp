@@ -5,7 +5,8 @@
 //            Latest<ModeMsg>       from supervision of the robot box
 //            SafetyInputs          from drivers/gpio, where fitted (safety_watch.hpp)
 //   act      MotorSetpoints        to drivers/youbot     (bus, outside step; of the same job)
-//   writes   RobotState            over the link, to prediction
+//   writes   RobotState            over the link, to prediction, planning, fusion, supervision
+//                                  and the console
 //   budget   100 us of the 1 ms period
 //
 // Frames: O odometry (= world at the start), B base. SI units.
@@ -26,7 +27,7 @@
 #include "drivers/youbot/motor_bus.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/table.hpp"
 #include "tasks/robot_io/bus_watch.hpp"

@@ -12,7 +12,7 @@
 
 #include "drivers/gpio/safety_io.hpp"
 #include "rt/health.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 
 namespace tasks {

@@ -95,7 +95,7 @@ PlanarVelocity Trajectory::track(const TrajectoryTarget& target, const Pose2& X_
   return v_cmd_;
 }
 
-PlanarVelocity Trajectory::stop(const Pose2& X_OB, double dt) noexcept {
+PlanarVelocity Trajectory::brake(const Pose2& X_OB, double dt) noexcept {
   limit_command({}, dt);
   return let_reference_follow(X_OB);
 }

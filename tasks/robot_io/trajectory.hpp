@@ -71,11 +71,11 @@ class Trajectory {
   // One tick toward the goal; `X_OB` is the measured pose. Returns the velocity to command, in O.
   PlanarVelocity track(const TrajectoryTarget&, const perception::Pose2& X_OB, double dt) noexcept;
   // One tick of slowing down to a halt with the acceleration limit. The reference follows the base.
-  PlanarVelocity stop(const perception::Pose2& X_OB, double dt) noexcept;
+  PlanarVelocity brake(const perception::Pose2& X_OB, double dt) noexcept;
   // The same with the deceleration of a ramp-down.
   PlanarVelocity ramp_down(const perception::Pose2& X_OB, double dt) noexcept;
   // At once: the command is zero, no ramp (safe stop).
-  void halt(const perception::Pose2& X_OB) noexcept { start_from(X_OB, {}); }
+  void zero_at_once(const perception::Pose2& X_OB) noexcept { start_from(X_OB, {}); }
   // Command and reference are where the base is: the next tick goes on from there.
   void start_from(const perception::Pose2& X_OB, const PlanarVelocity& v_O) noexcept;
 

@@ -98,9 +98,9 @@ void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const no
   }
 }
 
-// Operator box, engaged: has the robot's not followed in time, or left? Where goals alone were
-// lost, only the robot has noticed a silence, and says so: this box ramps down with it while it
-// lasts, and waits for it behind it.
+// Operator box, engaged: has the robot's not followed in time, or left? If only goals were lost,
+// only the robot notices the silence and reports it. This box then ramps down too, and goes on when
+// the robot hears it again.
 bool SupervisionTask::peer_left(rt::Time now, const In& in) const noexcept {
   if (in.peer_mode == Mode::kEngaged) return false;
   if (in.peer_pause == Pause::kSilent) return true;
@@ -109,7 +109,7 @@ bool SupervisionTask::peer_left(rt::Time now, const In& in) const noexcept {
          now - peer_engaged_ > rt::nanos_from_seconds(config_.resume_within_s + config_.ramp_s);
 }
 
-// What a silence has held up tells of the time before it: no answer to this engage.
+// A robot state that a silence has delayed may be older than this engage, so it does not answer it.
 void SupervisionTask::note_peer(rt::Time now, const In& in) noexcept {
   if (mode_ != Mode::kEngaged || in.peer_mode != Mode::kEngaged) return;
   if (in.peer_mode_at > entered_) peer_followed_ = true;

@@ -27,7 +27,7 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/sched/mode_gate.hpp"
-#include "rt/tick.hpp"
+#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/table.hpp"
 #include "tasks/supervision/fault_ids.hpp"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/random.hpp"
 #include "rt/sched/executor.hpp"

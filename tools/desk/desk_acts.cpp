@@ -143,7 +143,7 @@ std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at,
   switch (mode.mode) {
     case Mode::kEngaged:
       if (engage_wanted_) return done();
-      return refused("engaged by another hand: hold first");
+      return refused("already engaged, but not from this page: go to hold first");
     case Mode::kInit:
       return refused("not all tasks have been heard yet: in a moment");
     case Mode::kRampDown:

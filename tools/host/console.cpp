@@ -70,10 +70,36 @@ void OperatorConsole::judge(const View& view, tasks::EdgeId edge, rt::Time now) 
 
 void OperatorConsole::drain(rt::Time now) {
   using tasks::EdgeId;
-  auto& cells = box_.graph().cells();
   seen_.beyond.clear();
-  tasks::HapticSample h;
-  while (cells.haptic_samples.try_pop(h)) {
+  take_samples();
+  newest<EdgeId::kFrame>(now);
+  see_scene(now);
+  see_world(now);
+  see_task(now);
+  if (const auto c = newest<EdgeId::kCameraPose>(now)) seen_.camera = *c;
+  if (const auto o = newest<EdgeId::kObjects>(now)) {
+    seen_.objects = *o;
+    for (std::int32_t i = 0; i < o->size; ++i) {
+      seen_.objects_named =
+          std::max(seen_.objects_named, o->entries[static_cast<std::size_t>(i)].serial);
+    }
+  }
+  if (const auto mode = newest<EdgeId::kMode>(now)) seen_.mode = *mode;
+  if (const auto robot = newest<EdgeId::kRobotState>(now)) seen_.robot = *robot;
+  newest<EdgeId::kHand>(now);
+}
+
+// What an edge last carried, and whether that is beyond its limits.
+template <tasks::EdgeId kEdge>
+auto OperatorConsole::newest(rt::Time now) {
+  auto value = box_.graph().cells().read<kEdge, tasks::kConsole>();
+  judge(value, kEdge, now);
+  return value;
+}
+
+void OperatorConsole::take_samples() {
+  auto& cells = box_.graph().cells();
+  for (tasks::HapticSample h; cells.haptic_samples.try_pop(h);) {
     force_act_.see(static_cast<drivers::DeviceState>(h.device_state), h.clutched);
     seen_.haptic.push_back(h);
   }
@@ -81,69 +107,52 @@ void OperatorConsole::drain(rt::Time now) {
     fusion_heard_ = f.stamp;
     seen_.fusion.push_back(f);
   }
-  judge(cells.read<tasks::EdgeId::kFrame, tasks::kConsole>(), EdgeId::kFrame, now);
-  const auto v = cells.read<tasks::EdgeId::kView, tasks::kConsole>();
-  judge(v, EdgeId::kView, now);
+}
+
+void OperatorConsole::see_scene(rt::Time now) {
+  const auto v = newest<tasks::EdgeId::kView>(now);
   if (v && v->seq != seen_.view->seq) {
     *seen_.view = *v;
     keep_what_moves();
   }
-  const auto m = cells.read<tasks::EdgeId::kCostMap, tasks::kConsole>();
-  judge(m, EdgeId::kCostMap, now);
+  const auto m = newest<tasks::EdgeId::kCostMap>(now);
   if (m && m->seq != seen_.map->seq) {
     *seen_.map = *m;
     if (m->moving_count > seen_.moving_map->moving_count) *seen_.moving_map = *m;
   }
-  const auto w = cells.read<tasks::EdgeId::kOdometryFrame, tasks::kConsole>();
-  judge(w, EdgeId::kOdometryFrame, now);
-  if (w && w->seq != seen_.world.seq) {
-    // A job is a tenth of a second; where the console saw none, the next one counts for it.
-    if (w->unsure && seen_.world.seq != 0)
-      seen_.unsure_s += 0.1 * static_cast<double>(w->seq - seen_.world.seq);
-    if (w->follows_camera && w->known) seen_.error_max_m = std::max(seen_.error_max_m, w->error_m);
-    mind_held(*w);
-    seen_.world = *w;
-  }
-  const auto p = cells.read<tasks::EdgeId::kPath, tasks::kConsole>();
+}
+
+void OperatorConsole::see_world(rt::Time now) {
+  const auto w = newest<tasks::EdgeId::kOdometryFrame>(now);
+  if (!w || w->seq == seen_.world.seq) return;
+  // A job is a tenth of a second; where the console saw none, the next one counts for it.
+  if (w->unsure && seen_.world.seq != 0)
+    seen_.unsure_s += 0.1 * static_cast<double>(w->seq - seen_.world.seq);
+  if (w->follows_camera && w->known) seen_.error_max_m = std::max(seen_.error_max_m, w->error_m);
+  mind_held(*w);
+  seen_.world = *w;
+}
+
+void OperatorConsole::see_task(rt::Time now) {
+  const auto p = box_.graph().cells().read<tasks::EdgeId::kPath, tasks::kConsole>();
   if (p && p->seq != 0 && p->size > 0) {
-    judge(p, EdgeId::kPath, now);
+    judge(p, tasks::EdgeId::kPath, now);
     const bool known = std::any_of(seen_.paths.begin(), seen_.paths.end(),
                                    [&](const auto& o) { return o.seq == p->seq; });
     if (!known) seen_.paths.push_back(*p);
   }
-  const auto t = cells.read<tasks::EdgeId::kTask, tasks::kConsole>();
-  judge(t, EdgeId::kTask, now);
-  if (t) {
-    using Phase = tasks::TaskState::Phase;
-    if (t->phase == Phase::kArrived && seen_.task.phase != Phase::kArrived) {
-      if (seen_.arrivals++ == 0) seen_.first_arrival = t->stamp;
-      if (!seen_.paths.empty()) {
-        const auto& path = seen_.paths.back();
-        const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
-        seen_.arrived.push_back({t->stamp, path.seq, end[0], end[1], seen_.world.error_m});
-      }
-    }
-    seen_.task = *t;
-  }
-  const auto c = cells.read<tasks::EdgeId::kCameraPose, tasks::kConsole>();
-  judge(c, EdgeId::kCameraPose, now);
-  if (c) seen_.camera = *c;
-  const auto o = cells.read<tasks::EdgeId::kObjects, tasks::kConsole>();
-  judge(o, EdgeId::kObjects, now);
-  if (o) {
-    seen_.objects = *o;
-    for (std::int32_t i = 0; i < o->size; ++i) {
-      seen_.objects_named =
-          std::max(seen_.objects_named, o->entries[static_cast<std::size_t>(i)].serial);
+  const auto t = newest<tasks::EdgeId::kTask>(now);
+  if (!t) return;
+  using Phase = tasks::TaskState::Phase;
+  if (t->phase == Phase::kArrived && seen_.task.phase != Phase::kArrived) {
+    if (seen_.arrivals++ == 0) seen_.first_arrival = t->stamp;
+    if (!seen_.paths.empty()) {
+      const auto& path = seen_.paths.back();
+      const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
+      seen_.arrived.push_back({t->stamp, path.seq, end[0], end[1], seen_.world.error_m});
     }
   }
-  const auto mode = cells.read<tasks::EdgeId::kMode, tasks::kConsole>();
-  judge(mode, EdgeId::kMode, now);
-  if (mode) seen_.mode = *mode;
-  const auto robot = cells.read<tasks::EdgeId::kRobotState, tasks::kConsole>();
-  judge(robot, EdgeId::kRobotState, now);
-  if (robot) seen_.robot = *robot;
-  judge(cells.read<tasks::EdgeId::kHand, tasks::kConsole>(), EdgeId::kHand, now);
+  seen_.task = *t;
 }
 
 // The oldest samples go; what a report says of them stays.

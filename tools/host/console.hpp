@@ -120,6 +120,12 @@ class OperatorConsole {
 
  private:
   void drain(rt::Time now);
+  void take_samples();
+  void see_scene(rt::Time now);
+  void see_world(rt::Time now);
+  void see_task(rt::Time now);
+  template <tasks::EdgeId kEdge>
+  auto newest(rt::Time now);
   void fold_samples();
   void keep_what_moves();
   void resolve_points(rt::Time now);

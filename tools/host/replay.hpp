@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/fault/plan.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"

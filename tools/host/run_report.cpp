@@ -41,58 +41,50 @@ void add_driven(ReportMap& map, const RobotHalf& robot, const ToMap& to_map, rt:
   }
 }
 
-// Over a cost map; of `robot` what is known until `end`.
-ReportMap report_map(const perception::CostMap& c, const OperatorHalf& op, const RobotHalf& robot,
-                     rt::Nanos until) {
-  ReportMap map;
-  const auto known = [until](rt::Time t, std::int64_t epoch_ns) {
-    return rt::ns_of(t) - epoch_ns <= until.count();
-  };
-  if (c.seq != 0 && c.ground_found) {
-    // The grid lies in W up to a turn about z in the scenes with a robot; its origin places it.
-    // Only what was seen, with a margin.
-    int x0 = c.width, y0 = c.height, x1 = 0, y1 = 0;
-    for (int y = 0; y < c.height; ++y) {
-      for (int x = 0; x < c.width; ++x) {
-        if (c.cost[c.index(x, y)] == perception::CostMap::kUnknown) continue;
-        x0 = std::min(x0, x);
-        y0 = std::min(y0, y);
-        x1 = std::max(x1, x);
-        y1 = std::max(y1, y);
-      }
-    }
-    constexpr int kMargin = 4;
-    x0 = std::max(0, x0 - kMargin);
-    y0 = std::max(0, y0 - kMargin);
-    x1 = std::min(c.width - 1, x1 + kMargin);
-    y1 = std::min(c.height - 1, y1 + kMargin);
-    if (x1 > x0 && y1 > y0) {
-      map.width = x1 - x0 + 1;
-      map.height = y1 - y0 + 1;
-      map.resolution_m = c.resolution;
-      map.x0_m = c.X_WM.translation().x() + x0 * c.resolution;
-      map.y0_m = c.X_WM.translation().y() + y0 * c.resolution;
-      for (int y = y0; y <= y1; ++y) {
-        for (int x = x0; x <= x1; ++x) map.cost.push_back(c.cost[c.index(x, y)]);
-      }
-      for (int i = 0; i < c.moving_count; ++i) {
-        const auto& m = c.moving[static_cast<std::size_t>(i)];
-        const int x = m.cell % c.width - x0, y = m.cell / c.width - y0;
-        if (x < 0 || y < 0 || x >= map.width || y >= map.height) continue;
-        map.moving.push_back({static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
-                                  static_cast<std::size_t>(x),
-                              1e-3 * m.age_ms});
-      }
+struct CellRange {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;  // the last ones are of it
+};
+// What of the map was seen, with a margin.
+CellRange seen_cells(const perception::CostMap& c) {
+  constexpr int kMargin = 4;
+  CellRange r{c.width, c.height, 0, 0};
+  for (int y = 0; y < c.height; ++y) {
+    for (int x = 0; x < c.width; ++x) {
+      if (c.cost[c.index(x, y)] == perception::CostMap::kUnknown) continue;
+      r = {std::min(r.x0, x), std::min(r.y0, y), std::max(r.x1, x), std::max(r.y1, y)};
     }
   }
-  const perception::Pose X_MW = c.X_WM.inverse();
-  const auto to_map = [&](double x, double y) {
-    // Into the grid's frame, shown with the grid's origin at its place in the world.
-    const perception::Vec3 p = X_MW * perception::Vec3(x, y, 0);
-    return std::pair{c.X_WM.translation().x() + p.x(), c.X_WM.translation().y() + p.y()};
-  };
+  return {std::max(0, r.x0 - kMargin), std::max(0, r.y0 - kMargin),
+          std::min(c.width - 1, r.x1 + kMargin), std::min(c.height - 1, r.y1 + kMargin)};
+}
+
+// The grid lies in W up to a turn about z in the scenes with a robot; its origin places it.
+void add_grid(const perception::CostMap& c, ReportMap& map) {
+  if (c.seq == 0 || !c.ground_found) return;
+  const CellRange r = seen_cells(c);
+  if (r.x1 <= r.x0 || r.y1 <= r.y0) return;
+  map.width = r.x1 - r.x0 + 1;
+  map.height = r.y1 - r.y0 + 1;
+  map.resolution_m = c.resolution;
+  map.x0_m = c.X_WM.translation().x() + r.x0 * c.resolution;
+  map.y0_m = c.X_WM.translation().y() + r.y0 * c.resolution;
+  for (int y = r.y0; y <= r.y1; ++y) {
+    for (int x = r.x0; x <= r.x1; ++x) map.cost.push_back(c.cost[c.index(x, y)]);
+  }
+  for (int i = 0; i < c.moving_count; ++i) {
+    const auto& m = c.moving[static_cast<std::size_t>(i)];
+    const int x = m.cell % c.width - r.x0, y = m.cell / c.width - r.y0;
+    if (x < 0 || y < 0 || x >= map.width || y >= map.height) continue;
+    map.moving.push_back({static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
+                              static_cast<std::size_t>(x),
+                          1e-3 * m.age_ms});
+  }
+}
+
+template <class ToMap>
+void add_planned(ReportMap& map, const OperatorHalf& op, const ToMap& to_map, rt::Nanos until) {
   for (const auto& path : op.view.paths) {
-    if (!known(path.made, op.epoch_ns)) break;
+    if (rt::ns_of(path.made) - op.epoch_ns > until.count()) break;
     auto& line = map.planned.emplace_back();
     line.label = "path " + std::to_string(path.seq);
     for (std::int32_t i = 0; i < path.size; ++i) {
@@ -109,6 +101,20 @@ ReportMap report_map(const perception::CostMap& c, const OperatorHalf& op, const
       map.goal_y_m.push_back(line.y_m.back());
     }
   }
+}
+
+// Over a cost map; of `robot` what is known until `until`.
+ReportMap report_map(const perception::CostMap& c, const OperatorHalf& op, const RobotHalf& robot,
+                     rt::Nanos until) {
+  ReportMap map;
+  add_grid(c, map);
+  const perception::Pose X_MW = c.X_WM.inverse();
+  const auto to_map = [&](double x, double y) {
+    // Into the grid's frame, shown with the grid's origin at its place in the world.
+    const perception::Vec3 p = X_MW * perception::Vec3(x, y, 0);
+    return std::pair{c.X_WM.translation().x() + p.x(), c.X_WM.translation().y() + p.y()};
+  };
+  add_planned(map, op, to_map, until);
   add_driven(map, robot, to_map, until);
   return map;
 }
@@ -139,6 +145,83 @@ perception::Rgb pixel_colour(const tasks::SceneView& v, std::size_t i) {
   return v.colour[i];
 }
 
+plot::Overlay overlay(plot::Overlay::Kind kind, const char* label, const char* colour) {
+  plot::Overlay o;
+  o.kind = kind;
+  o.label = label;
+  o.colour = colour;
+  return o;
+}
+
+// What lies over a view: points of W where the camera saw them.
+class ViewOverlays {
+ public:
+  ViewOverlays(const tasks::SceneView& v, const OperatorView& seen) : v_(v), seen_(seen) {}
+  [[nodiscard]] std::vector<plot::Overlay> all() const {
+    std::vector<plot::Overlay> out{touched(), path(), objects(), marks(), base()};
+    std::erase_if(out, [](const plot::Overlay& o) { return o.x.empty(); });
+    return out;
+  }
+
+ private:
+  using Kind = plot::Overlay::Kind;
+  void add(plot::Overlay& o, const perception::Vec3& p_W) const {
+    constexpr double kNearest_m = 0.05;
+    const perception::Vec3 p = X_VW_ * p_W;
+    if (p.z() < kNearest_m) return;
+    const auto uv = v_.intrinsics.project(p);
+    if (uv.x() < 0 || uv.y() < 0 || uv.x() >= v_.intrinsics.width || uv.y() >= v_.intrinsics.height)
+      return;
+    o.x.push_back(uv.x());
+    o.y.push_back(uv.y());
+  }
+  [[nodiscard]] plot::Overlay touched() const {
+    auto o = overlay(Kind::kDot, "proxy while touching", "#d81b60");
+    o.radius_px = 2;
+    for (std::size_t i = 0; i < seen_.haptic.size(); i += 20) {
+      const auto& s = seen_.haptic[i];
+      if (!s.in_contact) continue;
+      add(o, perception::Vec3(static_cast<double>(s.p_WP[0]), static_cast<double>(s.p_WP[1]),
+                              static_cast<double>(s.p_WP[2])));
+    }
+    return o;
+  }
+  [[nodiscard]] plot::Overlay path() const {
+    auto o = overlay(Kind::kPolyline, "path", "#1e88e5");
+    if (seen_.paths.empty()) return o;
+    const auto& p = seen_.paths.back();
+    for (std::int32_t i = 0; i < p.size; ++i) {
+      const auto& q = p.points[static_cast<std::size_t>(i)];
+      add(o, perception::Vec3(q[0], q[1], 0));
+    }
+    return o;
+  }
+  [[nodiscard]] plot::Overlay objects() const {
+    auto o = overlay(Kind::kCircle, "object", "#8e24aa");
+    for (std::int32_t i = 0; i < seen_.objects.size; ++i) {
+      const auto& e = seen_.objects.entries[static_cast<std::size_t>(i)];
+      if (e.summarised) add(o, e.X_WO * e.centre_m);
+    }
+    return o;
+  }
+  [[nodiscard]] plot::Overlay marks() const {
+    auto o = overlay(Kind::kCross, "mark", "#ff9800");
+    for (const auto& p : seen_.paths) add(o, p.marked_W);
+    return o;
+  }
+  [[nodiscard]] plot::Overlay base() const {
+    auto o = overlay(Kind::kCircle, "robot", "#43a047");
+    const auto& O = seen_.world.X_WO;
+    const auto X_WB = perception::compose({O[0], O[1], O[2]},
+                                          {seen_.robot.x_m, seen_.robot.y_m, seen_.robot.yaw_rad});
+    add(o, perception::Vec3(X_WB.x, X_WB.y, 0));
+    return o;
+  }
+  const tasks::SceneView& v_;
+  const OperatorView& seen_;
+  perception::Pose X_VW_ = v_.X_WV.inverse();
+};
+
 ReportPicture report_picture(const OperatorHalf& op, const tasks::SceneView& v,
                              const std::string& title) {
   ReportPicture picture;
@@ -151,60 +234,7 @@ ReportPicture report_picture(const OperatorHalf& op, const tasks::SceneView& v,
     const perception::Rgb c = pixel_colour(v, i);
     picture.image.pixels.insert(picture.image.pixels.end(), {c.r, c.g, c.b});
   }
-  const perception::Pose X_VW = v.X_WV.inverse();
-  const auto add = [&](plot::Overlay& o, const perception::Vec3& p_W) {
-    const perception::Vec3 p = X_VW * p_W;
-    if (p.z() < 0.05) return;
-    const auto uv = v.intrinsics.project(p);
-    if (uv.x() < 0 || uv.y() < 0 || uv.x() >= v.intrinsics.width || uv.y() >= v.intrinsics.height)
-      return;
-    o.x.push_back(uv.x());
-    o.y.push_back(uv.y());
-  };
-  plot::Overlay proxy;
-  proxy.label = "proxy while touching";
-  proxy.colour = "#d81b60";
-  for (std::size_t i = 0; i < op.view.haptic.size(); i += 20) {
-    const auto& s = op.view.haptic[i];
-    if (!s.in_contact) continue;
-    add(proxy, perception::Vec3(static_cast<double>(s.p_WP[0]), static_cast<double>(s.p_WP[1]),
-                                static_cast<double>(s.p_WP[2])));
-  }
-  proxy.kind = plot::Overlay::Kind::kDot;
-  proxy.radius_px = 2;
-  plot::Overlay marks, path, base, objects;
-  marks.kind = plot::Overlay::Kind::kCross;
-  marks.label = "mark";
-  marks.colour = "#ff9800";
-  path.kind = plot::Overlay::Kind::kPolyline;
-  path.label = "path";
-  path.colour = "#1e88e5";
-  base.kind = plot::Overlay::Kind::kCircle;
-  base.label = "robot";
-  base.colour = "#43a047";
-  objects.kind = plot::Overlay::Kind::kCircle;
-  objects.label = "object";
-  objects.colour = "#8e24aa";
-  const auto& list = op.view.objects;
-  for (std::int32_t i = 0; i < list.size; ++i) {
-    const auto& e = list.entries[static_cast<std::size_t>(i)];
-    if (e.summarised) add(objects, e.X_WO * e.centre_m);
-  }
-  for (const auto& p : op.view.paths) add(marks, p.marked_W);
-  if (!op.view.paths.empty()) {
-    const auto& p = op.view.paths.back();
-    for (std::int32_t i = 0; i < p.size; ++i) {
-      const auto& q = p.points[static_cast<std::size_t>(i)];
-      add(path, perception::Vec3(q[0], q[1], 0));
-    }
-  }
-  const auto& O = op.view.world.X_WO;
-  const auto X_WB = perception::compose(
-      {O[0], O[1], O[2]}, {op.view.robot.x_m, op.view.robot.y_m, op.view.robot.yaw_rad});
-  add(base, perception::Vec3(X_WB.x, X_WB.y, 0));
-  for (auto* o : {&proxy, &path, &objects, &marks, &base}) {
-    if (!o->x.empty()) picture.overlays.push_back(*o);
-  }
+  picture.overlays = ViewOverlays(v, op.view).all();
   char text[160];
   std::snprintf(text, sizeof text, "Eye at (%.2f, %.2f, %.2f) m in W; %zu blocks in the map.",
                 v.X_WV.translation().x(), v.X_WV.translation().y(), v.X_WV.translation().z(),

@@ -249,13 +249,13 @@ static void add_allocation_metrics(const OperatorHalf& op, const RobotHalf& robo
   if (hard >= 0) m.add("hard.allocations", hard, "1");
 }
 
-void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
-  add_haptic_metrics(info, op, robot, m);
-  add_method_metrics(info, op, m);
+static void add_fusion_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                               Metrics& m) {
   FusionTally fused = op.view.fusion_past;
   for (const auto& s : op.view.fusion) fused.add(s);
   std::uint64_t consumed = fused.consumed, tracked = fused.tracked, claimed = fused.claimed;
-  if (info.recording) {  // the last frame is held: of its repetitions only the first is one of the recording
+  if (info.recording) {
+    // The last frame is held: of its repetitions only the first is one of the recording.
     m.add("fusion.held_frames", static_cast<double>(consumed - info.recorded.frames), "1");
     consumed = info.recorded.frames;
     tracked = info.recorded.tracked;
@@ -273,26 +273,53 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     m.add("fusion.objects_named", op.view.objects_named, "1");
     m.add("fusion.objects", op.view.objects.size, "1");
   }
-  if (const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion)) {
-    const auto [seen, lost] = frames_seen(*fusion, info.piece);
-    m.add("fusion.frames_overwritten", static_cast<double>(lost), "1");
-    m.add("fusion.frames_overwritten_share",
-          static_cast<double>(lost) / static_cast<double>(std::max<std::uint64_t>(1, seen + lost)),
+  const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion);
+  if (fusion == nullptr) return;
+  const auto [seen, lost] = frames_seen(*fusion, info.piece);
+  m.add("fusion.frames_overwritten", static_cast<double>(lost), "1");
+  m.add("fusion.frames_overwritten_share",
+        static_cast<double>(lost) / static_cast<double>(std::max<std::uint64_t>(1, seen + lost)),
+        "1");
+  m.add("fusion.cpu_p50_ms", 1e-6 * static_cast<double>(cpu_quantile(*fusion, 0.5)), "ms");
+  m.add("fusion.cpu_p99_ms", 1e-6 * static_cast<double>(cpu_quantile(*fusion, 0.99)), "ms");
+}
+
+static void add_visit_metrics(const OperatorHalf& op, Metrics& m) {
+  if (op.view.visits.empty()) return;
+  const TouchedPlaces touched = touched_of(op);
+  m.add("visits.count", static_cast<double>(touched.visits.size()), "1");
+  m.add("visits.met", touched.met(), "1");
+  for (std::size_t k = 0; k < touched.touched.size(); ++k)
+    m.add(std::string("visits.") + name_of(static_cast<TouchPlace::Kind>(k)), touched.touched[k],
           "1");
-    m.add("fusion.cpu_p50_ms", 1e-6 * static_cast<double>(cpu_quantile(*fusion, 0.5)), "ms");
-    m.add("fusion.cpu_p99_ms", 1e-6 * static_cast<double>(cpu_quantile(*fusion, 0.99)), "ms");
+}
+
+static void add_run_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                            Metrics& m) {
+  m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
+  m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
+  if (info.paced) {
+    m.add("run.wall_s", info.wall_s, "s");
+    m.add("run.lag_s", info.lag_s, "s");
   }
+  m.add("run.stopped_early", info.stopped_early.empty() ? 0 : 1, "1");
+  m.add("run.problems", static_cast<double>(info.problems.size()), "1");
+  if (!info.virtual_clock) return;
+  char hash[20];
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.sched_hash));
+  m.add("run.sched_hash", std::string(hash), "hash");
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.log_hash));
+  m.add("run.log_hash", std::string(hash), "hash");
+}
+
+void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  add_haptic_metrics(info, op, robot, m);
+  add_method_metrics(info, op, m);
+  add_fusion_metrics(info, op, robot, m);
   if (op.force_check.samples > 0)
     m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");
   m.add("haptic.force_samples", static_cast<double>(op.force_check.samples), "1");
-  if (!op.view.visits.empty()) {
-    const TouchedPlaces touched = touched_of(op);
-    m.add("visits.count", static_cast<double>(touched.visits.size()), "1");
-    m.add("visits.met", touched.met(), "1");
-    for (std::size_t k = 0; k < touched.touched.size(); ++k)
-      m.add(std::string("visits.") + name_of(static_cast<TouchPlace::Kind>(k)), touched.touched[k],
-            "1");
-  }
+  add_visit_metrics(op, m);
   m.add("mark.count", op.view.task.marks, "1");
   m.add("plan.paths", op.view.task.paths, "1");
   add_robot_metrics(op, robot, m);
@@ -306,19 +333,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   }
   add_allocation_metrics(op, robot, m);
   if (!info.admission.tasks.empty()) m.add("admission.spare_share", info.admission.spare, "1");
-  m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
-  m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
-  if (info.paced) {
-    m.add("run.wall_s", info.wall_s, "s");
-    m.add("run.lag_s", info.lag_s, "s");
-  }
-  m.add("run.stopped_early", info.stopped_early.empty() ? 0 : 1, "1");
-  m.add("run.problems", static_cast<double>(info.problems.size()), "1");
-  char hash[20];
-  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.sched_hash));
-  if (info.virtual_clock) m.add("run.sched_hash", std::string(hash), "hash");
-  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.log_hash));
-  if (info.virtual_clock) m.add("run.log_hash", std::string(hash), "hash");
+  add_run_metrics(info, op, robot, m);
 }
 
 }  // namespace teletact

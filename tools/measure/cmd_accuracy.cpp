@@ -42,6 +42,37 @@ void write_pictures(const Study& study, const std::string& what, const std::stri
   }
 }
 
+// Of the recording, and of drawn scenes.
+void add_fusion(CLI::App& app, FusionStudyOptions& fusion, std::string& intrinsics, int& samples) {
+  app.add_option("--rgbd", fusion.rgbd,
+                 "fusion, weighting: recording in TUM or 7-Scenes layout with true poses, which "
+                 "judge and nothing else");
+  app.add_option("--rgbd-frames", fusion.rgbd_frames,
+                 "fusion, weighting: of the recording, at most")
+      ->check(CLI::Range(5, 100000))
+      ->capture_default_str();
+  app.add_option("--intrinsics", intrinsics,
+                 "of the recording, where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth "
+                 "units a metre if the data set's are not right");
+  app.add_option("--scenes", fusion.scenes,
+                 "fusion, weighting: synthetic ones; of fusion, knobs beside the voxel's size vary "
+                 "in the first; of weighting the default is room,stairs,turn")
+      ->check(CLI::IsMember(scene_names()))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--frames", fusion.frames, "fusion, weighting: of each synthetic scene")
+      ->check(CLI::Range(5, 2000))
+      ->capture_default_str();
+  app.add_option("--voxels", fusion.voxels_mm,
+                 "fusion, weighting: edges of a voxel, mm; of weighting the default is 20")
+      ->check(in_range(4, 100))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--samples", samples, "weighting: of things that move")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+}
+
 void add_clicks(CLI::App& app, ClicksStudyOptions& clicks, bool& default_only) {
   app.add_option("--clutter", clicks.clutter, "clicks: drawn scenes of clutter")
       ->check(CLI::Range(0, 1000))
@@ -113,33 +144,7 @@ int cmd_accuracy(int argc, char** argv) {
   app.add_option("WHAT", what, "fusion | weighting | segmentation | clicks | haptic")
       ->required()
       ->check(CLI::IsMember({"fusion", "weighting", "segmentation", "clicks", "haptic"}));
-  app.add_option("--rgbd", fusion.rgbd,
-                 "fusion, weighting: recording in TUM or 7-Scenes layout with true poses, which "
-                 "judge and nothing else");
-  app.add_option("--rgbd-frames", fusion.rgbd_frames,
-                 "fusion, weighting: of the recording, at most")
-      ->check(CLI::Range(5, 100000))
-      ->capture_default_str();
-  app.add_option("--intrinsics", intrinsics,
-                 "of the recording, where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth "
-                 "units a metre if the data set's are not right");
-  app.add_option("--scenes", fusion.scenes,
-                 "fusion, weighting: synthetic ones; of fusion, knobs beside the voxel's size vary "
-                 "in the first; of weighting the default is room,stairs,turn")
-      ->check(CLI::IsMember(scene_names()))
-      ->delimiter(',')
-      ->capture_default_str();
-  app.add_option("--frames", fusion.frames, "fusion, weighting: of each synthetic scene")
-      ->check(CLI::Range(5, 2000))
-      ->capture_default_str();
-  app.add_option("--voxels", fusion.voxels_mm,
-                 "fusion, weighting: edges of a voxel, mm; of weighting the default is 20")
-      ->check(in_range(4, 100))
-      ->delimiter(',')
-      ->capture_default_str();
-  app.add_option("--samples", samples, "weighting: of things that move")
-      ->check(CLI::Range(0, 100000))
-      ->capture_default_str();
+  add_fusion(app, fusion, intrinsics, samples);
   app.add_option("--data", segmentation.data,
                  "segmentation, clicks: folder that holds mosd_learn, tabletop or ycb_video");
   bool default_only = false;

@@ -33,15 +33,20 @@ int print_static(const std::vector<StaticMask>& masks, double voxel_mm,
   return missed;
 }
 
-}  // namespace
-
-int cmd_moving(int argc, char** argv) {
-  CLI::App app{"A thing moves in view: pose, mask and map against the truth. Seeded samples.",
-               "teletact accuracy moving"};
+struct MovingCommand {
   MovingOptions o;
   std::string json, plots;
   bool still = false, no_odometry = false, no_surfaces = false, list = false;
   int still_frames = 200;
+
+  void add_to(CLI::App& app);
+  void say_samples() const;
+  // Limits that were missed.
+  int samples(Metrics& metrics) const;
+  int static_scenes(Metrics& metrics) const;
+};
+
+void MovingCommand::add_to(CLI::App& app) {
   app.add_option("--samples", o.samples, "how many")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
@@ -75,37 +80,54 @@ int cmd_moving(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--plots", plots, "folder for the SVG plots");
   app.add_option("--json", json, "write the figures to this file");
+}
+
+void MovingCommand::say_samples() const {
+  rt::Startup startup;
+  for (int i = std::max(0, o.only); i < (o.only >= 0 ? o.only + 1 : o.samples); ++i)
+    std::cout << draw_moving_sample(startup.token(), o.seed, i).text() << std::endl;
+}
+
+int MovingCommand::samples(Metrics& metrics) const {
+  const MovingStudy study = study_moving(std::cerr, o);
+  study.print(std::cout);
+  for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
+  if (!plots.empty()) {
+    for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
+  }
+  std::cout << std::flush;
+  return study.missed();
+}
+
+int MovingCommand::static_scenes(Metrics& metrics) const {
+  int missed = 0;
+  std::map<std::string, double> worst;
+  for (const double voxel_mm : o.voxels_mm)
+    missed += print_static(study_static_masks(std::cerr, voxel_mm, still_frames), voxel_mm, worst);
+  for (const auto& [name, share] : worst) metrics.add(name, share, "1");
+  return missed;
+}
+
+}  // namespace
+
+int cmd_moving(int argc, char** argv) {
+  CLI::App app{"A thing moves in view: pose, mask and map against the truth. Seeded samples.",
+               "teletact accuracy moving"};
+  MovingCommand c;
+  c.add_to(app);
   if (!parse_options(app, argc, argv)) return 0;
-  check_outputs({{"--json", json}}, {});
-  if (!plots.empty()) make_output_folder("--plots", plots);
-  o.odometry = !no_odometry, o.surfaces = !no_surfaces;
-  if (list) {
-    rt::Startup startup;
-    for (int i = std::max(0, o.only); i < (o.only >= 0 ? o.only + 1 : o.samples); ++i) {
-      std::cout << draw_moving_sample(startup.token(), o.seed, i).text() << std::endl;
-    }
+  check_outputs({{"--json", c.json}}, {});
+  if (!c.plots.empty()) make_output_folder("--plots", c.plots);
+  c.o.odometry = !c.no_odometry, c.o.surfaces = !c.no_surfaces;
+  if (c.list) {
+    c.say_samples();
     return 0;
   }
   Metrics metrics("accuracy moving");
   int missed = 0;
-  if (o.samples > 0) {
-    const MovingStudy study = study_moving(std::cerr, o);
-    study.print(std::cout);
-    missed += study.missed();
-    for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
-    if (!plots.empty()) {
-      for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
-    }
-    std::cout << std::flush;
-  }
-  if (still) {
-    std::map<std::string, double> worst;
-    for (const double voxel_mm : o.voxels_mm)
-      missed +=
-          print_static(study_static_masks(std::cerr, voxel_mm, still_frames), voxel_mm, worst);
-    for (const auto& [name, share] : worst) metrics.add(name, share, "1");
-  }
-  if (!json.empty()) metrics.write(json);
+  if (c.o.samples > 0) missed += c.samples(metrics);
+  if (c.still) missed += c.static_scenes(metrics);
+  if (!c.json.empty()) metrics.write(c.json);
   return missed > 0 ? 1 : 0;
 }
 

@@ -235,15 +235,43 @@ std::string line_plot(const Figure& f) {
   return frame.canvas.finish();
 }
 
+namespace {
+
+double upper(const Bins& b, std::size_t i) {
+  if (i + 1 < b.lower.size()) return b.lower[i + 1];
+  if (b.upper_end > b.lower[i]) return b.upper_end;
+  return i > 0 ? 2 * b.lower[i] - b.lower[i - 1] : b.lower[i] + 1;
+}
+
+void draw_steps(Frame& frame, const Bins& b, const std::string& colour) {
+  const double base = frame.y.p0;
+  std::string steps;
+  double first = 0, last = 0;
+  bool any = false;
+  for (std::size_t i = 0; i < std::min(b.lower.size(), b.count.size()); ++i) {
+    const double lo = std::clamp(b.lower[i], frame.x.lo, frame.x.hi);
+    const double hi = std::clamp(upper(b, i), frame.x.lo, frame.x.hi);
+    if (!(hi > lo)) continue;
+    const double y = b.count[i] > 0 ? std::min(base, frame.y.px(b.count[i])) : base;
+    const double x0 = frame.x.px(lo), x1 = frame.x.px(hi);
+    if (!any) first = x0;
+    any = true;
+    last = x1;
+    steps += pt(x0, y) + pt(x1, y);
+  }
+  if (!any) return;
+  steps = pt(first, base) + steps + pt(last, base);
+  frame.canvas.raw("<polygon points=\"" + steps + "\" fill=\"" + escaped(colour) +
+                   "\" fill-opacity=\"0.15\" stroke=\"" + escaped(colour) +
+                   "\" stroke-width=\"1.5\" stroke-linejoin=\"round\"/>\n");
+}
+
+}  // namespace
+
 std::string histogram(const Figure& axes, std::span<const Bins> bins) {
   Figure f = axes;
   Range rx, ry;
   rx.positive_only = f.log_x;
-  const auto upper = [](const Bins& b, std::size_t i) {
-    if (i + 1 < b.lower.size()) return b.lower[i + 1];
-    if (b.upper_end > b.lower[i]) return b.upper_end;
-    return i > 0 ? 2 * b.lower[i] - b.lower[i - 1] : b.lower[i] + 1;
-  };
   std::vector<LegendItem> items;
   for (std::size_t k = 0; k < bins.size(); ++k) {
     const Bins& b = bins[k];
@@ -265,29 +293,7 @@ std::string histogram(const Figure& axes, std::span<const Bins> bins) {
   Scale sy = f.log_y ? Scale::over(0.5, std::max(2.0, ry.hi * 1.6), true)
                      : Scale::over(0, empty ? 1 : ry.hi, false);
   Frame frame(f, items, sx, sy);
-  const double base = frame.y.p0;
-  for (std::size_t k = 0; k < bins.size(); ++k) {
-    const Bins& b = bins[k];
-    std::string steps;
-    double first = 0, last = 0;
-    bool any = false;
-    for (std::size_t i = 0; i < std::min(b.lower.size(), b.count.size()); ++i) {
-      const double lo = std::clamp(b.lower[i], frame.x.lo, frame.x.hi);
-      const double hi = std::clamp(upper(b, i), frame.x.lo, frame.x.hi);
-      if (!(hi > lo)) continue;
-      const double y = b.count[i] > 0 ? std::min(base, frame.y.px(b.count[i])) : base;
-      const double x0 = frame.x.px(lo), x1 = frame.x.px(hi);
-      if (!any) first = x0;
-      any = true;
-      last = x1;
-      steps += pt(x0, y) + pt(x1, y);
-    }
-    if (!any) continue;
-    steps = pt(first, base) + steps + pt(last, base);
-    frame.canvas.raw("<polygon points=\"" + steps + "\" fill=\"" + escaped(items[k].colour) +
-                     "\" fill-opacity=\"0.15\" stroke=\"" + escaped(items[k].colour) +
-                     "\" stroke-width=\"1.5\" stroke-linejoin=\"round\"/>\n");
-  }
+  for (std::size_t k = 0; k < bins.size(); ++k) draw_steps(frame, bins[k], items[k].colour);
   if (empty) {
     frame.canvas.text((frame.x.p0 + frame.x.p1) / 2, (frame.y.p0 + frame.y.p1) / 2, "no data",
                       "middle", 14, "#999");

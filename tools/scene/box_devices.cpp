@@ -175,26 +175,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   } else if (options.real_devices && !scene.camera_choice.in_process()) {
     camera_ = drivers::open_camera(nrt, scene.camera_choice, options.now, camera_said_);
   } else {
-    pose_ = std::make_unique<BasePose>(*bus_, scene.camera.true_X_BC(), scene.start_X_WB());
-    auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_,
-                                                                options.epoch);
-    camera_effects_ = synthetic->noise().constructed();
-    mount_off_ = scene.camera.true_mount.differs;
-    if (scene.robot != nullptr) {
-      synthetic->carry(
-          nrt, std::make_unique<drivers::ScriptedArm>(nrt, scene.arm, *scene.robot, options.epoch));
-      arm_effects_ = synthetic->arm()->effects();
-    }
-    if (options.threaded_camera) {
-      auto threaded =
-          std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
-      threaded_ = threaded.get();
-      camera_ = std::move(threaded);
-    } else {
-      synthetic_ = synthetic.get();
-      setup.camera_twin_cpu = [this] { return synthetic_->twin_cpu_ns(); };
-      camera_ = std::move(synthetic);
-    }
+    open_synthetic(nrt, scene, options, setup);
   }
   camera_ = drivers::without_bias(nrt, std::move(camera_), scene.camera_choice.bias);
   if (options.passer_from) {
@@ -205,6 +186,30 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   setup.camera = options.wrap_camera ? options.wrap_camera(*camera_) : camera_.get();
   graph_ = std::make_unique<tasks::RobotGraph>(nrt, scene.graph, setup);
   graph_->bind_link(nrt, endpoint_);
+}
+
+void RobotBox::open_synthetic(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& options,
+                              tasks::RobotSetup& setup) {
+  pose_ = std::make_unique<BasePose>(*bus_, scene.camera.true_X_BC(), scene.start_X_WB());
+  auto synthetic =
+      std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_, options.epoch);
+  camera_effects_ = synthetic->noise().constructed();
+  mount_off_ = scene.camera.true_mount.differs;
+  if (scene.robot != nullptr) {
+    synthetic->carry(
+        nrt, std::make_unique<drivers::ScriptedArm>(nrt, scene.arm, *scene.robot, options.epoch));
+    arm_effects_ = synthetic->arm()->effects();
+  }
+  if (options.threaded_camera) {
+    auto threaded =
+        std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
+    threaded_ = threaded.get();
+    camera_ = std::move(threaded);
+  } else {
+    synthetic_ = synthetic.get();
+    setup.camera_twin_cpu = [this] { return synthetic_->twin_cpu_ns(); };
+    camera_ = std::move(synthetic);
+  }
 }
 
 std::int64_t RobotBox::camera_twin_cpu_ns() const noexcept {

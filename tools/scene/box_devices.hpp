@@ -66,6 +66,7 @@ class RobotBox {
   // What robot_io drives, and what of its CPU is the twins'.
   drivers::MotorBus& open_motors(rt::NonRealtime&, const Scene&, const BoxOptions&);
   [[nodiscard]] std::int64_t motor_twin_cpu_ns() const noexcept;
+  void open_synthetic(rt::NonRealtime&, const Scene&, const BoxOptions&, tasks::RobotSetup&);
   // Null: the scene asks for no safety lines.
   drivers::SafetyIo* open_safety(rt::NonRealtime&, const Scene&, const BoxOptions&);
   std::unique_ptr<drivers::World> world_;

@@ -8,6 +8,42 @@
 
 namespace teletact {
 
+namespace {
+
+// A row of the table, and its figures.
+void tell(const tasks::CalibrationRow& r, Metrics& metrics) {
+  std::string name = "calibrate." + r.name + ".";
+  for (const char ch : r.choice) {
+    if (ch != ' ') name += ch;  // "20mm"
+  }
+  name += (r.choice.empty() ? "" : ".") + std::to_string(r.level);
+  metrics.add(name + ".p50_us", r.p50_us, "us");
+  metrics.add(name + ".p99_us", r.p99_us, "us");
+  metrics.add(name + ".p999_us", r.p999_us, "us");
+  metrics.add(name + ".budget_us", static_cast<double>(r.budget().count()) * 1e-3, "us");
+  std::printf("%-18s %-7s %5d %10.1f %10.1f %10.1f %10.1f", r.name.c_str(), r.choice.c_str(),
+              r.level, r.p50_us, r.p99_us, r.p999_us,
+              static_cast<double>(r.budget().count()) * 1e-3);
+  if (r.moving_p999_us >= 0) {
+    metrics.add(name + ".still_p999_us", r.still_p999_us, "us");
+    metrics.add(name + ".moving_p999_us", r.moving_p999_us, "us");
+    std::printf("  still %.0f / %.0f, moving %.0f / %.0f;", r.still_p50_us, r.still_p999_us,
+                r.moving_p50_us, r.moving_p999_us);
+  }
+  if (r.claimed_share >= 0) {
+    metrics.add(name + ".claimed_share", r.claimed_share, "1");
+    metrics.add(name + ".tracked_share", r.tracked_share, "1");
+    std::printf("  tracks %.1f %%, claims %.1f %%", 100 * r.tracked_share, 100 * r.claimed_share);
+  }
+  if (r.off_mm >= 0) {
+    metrics.add(name + ".off_mm", r.off_mm, "mm");
+    std::printf(", at most %.1f mm off", r.off_mm);
+  }
+  std::printf("\n");
+}
+
+}  // namespace
+
 int cmd_calibrate(int argc, char** argv) {
   CLI::App app{
       "Runs each task variant on the same stored input of a scene and writes p50 / p99 / p99.9 of "
@@ -42,36 +78,7 @@ int cmd_calibrate(int argc, char** argv) {
   std::printf("%-18s %-7s %5s %10s %10s %10s %10s\n", "task", "choice", "level", "p50 us", "p99 us",
               "p99.9 us", "budget us");
   Metrics metrics("calibrate");
-  for (const auto& r : c.rows) {
-    std::string name = "calibrate." + r.name + ".";
-    for (const char ch : r.choice) {
-      if (ch != ' ') name += ch;  // "20mm"
-    }
-    name += (r.choice.empty() ? "" : ".") + std::to_string(r.level);
-    metrics.add(name + ".p50_us", r.p50_us, "us");
-    metrics.add(name + ".p99_us", r.p99_us, "us");
-    metrics.add(name + ".p999_us", r.p999_us, "us");
-    metrics.add(name + ".budget_us", static_cast<double>(r.budget().count()) * 1e-3, "us");
-    std::printf("%-18s %-7s %5d %10.1f %10.1f %10.1f %10.1f", r.name.c_str(), r.choice.c_str(),
-                r.level, r.p50_us, r.p99_us, r.p999_us,
-                static_cast<double>(r.budget().count()) * 1e-3);
-    if (r.moving_p999_us >= 0) {
-      metrics.add(name + ".still_p999_us", r.still_p999_us, "us");
-      metrics.add(name + ".moving_p999_us", r.moving_p999_us, "us");
-      std::printf("  still %.0f / %.0f, moving %.0f / %.0f;", r.still_p50_us, r.still_p999_us,
-                  r.moving_p50_us, r.moving_p999_us);
-    }
-    if (r.claimed_share >= 0) {
-      metrics.add(name + ".claimed_share", r.claimed_share, "1");
-      metrics.add(name + ".tracked_share", r.tracked_share, "1");
-      std::printf("  tracks %.1f %%, claims %.1f %%", 100 * r.tracked_share, 100 * r.claimed_share);
-    }
-    if (r.off_mm >= 0) {
-      metrics.add(name + ".off_mm", r.off_mm, "mm");
-      std::printf(", at most %.1f mm off", r.off_mm);
-    }
-    std::printf("\n");
-  }
+  for (const auto& row : c.rows) tell(row, metrics);
   std::printf(
       "still, moving: p50 / p99.9 of images before somebody walks into the view, and from then on "
       "(%zu images, up to %.0f %% of one found to move)\n",

@@ -171,6 +171,24 @@ void check_health(const Options& o, double t, const rt::Health& health) {
                            std::to_string(health.fault) + " of docs/faults.md");
 }
 
+// What a tick gets besides the hand: held and engaged by nobody, forces on.
+tasks::HapticTask::In first_input() {
+  tasks::HapticTask::In in;
+  in.mode.seq = 1;
+  in.mode.mode = tasks::Mode::kHold;
+  in.stylus_ok = true;
+  in.stylus.state = drivers::DeviceState::kForce;
+  return in;
+}
+
+rt::Tick tick_at(std::uint64_t k, rt::Time now, double period_s) {
+  rt::Tick tick;
+  tick.k = k;
+  tick.release = tick.start = now;
+  tick.period = rt::nanos_from_seconds(period_s);
+  return tick;
+}
+
 }  // namespace
 
 void run(const Options& o) {
@@ -197,12 +215,8 @@ void run(const Options& o) {
   Vec3 scene_before = Vec3::Zero();
   Tally tally;
   bool touched = false;
-  tasks::HapticTask::In in;
+  tasks::HapticTask::In in = first_input();
   tasks::HapticTask::Out out;
-  in.mode.seq = 1;
-  in.mode.mode = tasks::Mode::kHold;
-  in.stylus_ok = true;
-  in.stylus.state = drivers::DeviceState::kForce;
   for (std::size_t k = 0; k < hand.size(); ++k) {
     const HandRow& row = hand[k];
     const rt::Time now{rt::nanos_from_seconds(row.t - hand.front().t)};
@@ -217,10 +231,7 @@ void run(const Options& o) {
     in.stylus.seq = k + 1;
     in.stylus.taken = now;
     in.stylus.p_DH = row.p - walk.base;
-    rt::Tick tick;
-    tick.k = k;
-    tick.release = tick.start = now;
-    tick.period = rt::nanos_from_seconds(period_s);
+    const rt::Tick tick = tick_at(k, now, period_s);
     const std::int64_t before = rt::thread_cpu_ns();
     const rt::Health health = task.step(tick, in, out);
     const std::int64_t cpu_ns = rt::thread_cpu_ns() - before;

@@ -198,10 +198,9 @@ TEST(TcpLink, OnlyLoopbackIsAllowed) {
     const auto b = TcpLink::connect(address, 5000, rt::Nanos{0});
     for (const auto* r : {&a, &b}) {
       ASSERT_FALSE(*r) << address;
-      EXPECT_EQ(
-          r->error(),
-          std::string("link.address = ") + address +
-              ": the link is not authenticated yet, so only loopback (127.0.0.0/8) is allowed");
+      EXPECT_EQ(r->error(),
+                std::string("link.address = ") + address +
+                    ": this link has no keys, so only loopback (127.0.0.0/8) is allowed");
     }
   }
   for (const char* address : {"", "localhost", "127.0.0", "::1", "127.0.0.1 "}) {

@@ -18,7 +18,7 @@ constexpr double kT = 1e-3;
 
 // An ideal base: it does what it is told.
 struct Ideal {
-  explicit Ideal(const TrajectoryConfig& c) : trajectory(c) { trajectory.halt(X); }
+  explicit Ideal(const TrajectoryConfig& c) : trajectory(c) { trajectory.zero_at_once(X); }
   PlanarVelocity tick(const TrajectoryTarget& t) {
     const PlanarVelocity v = trajectory.track(t, X, kT);
     X = {X.x + v.x * kT, X.y + v.y * kT, perception::wrap_angle(X.yaw + v.yaw * kT)};
@@ -98,7 +98,7 @@ TEST(Trajectory, LimitsHoldForJumpingGoals) {
       }
       const bool braking = random.uniform() < 0.05, down = random.uniform() < 0.02;
       const PlanarVelocity v = down      ? base.trajectory.ramp_down(base.X, kT)
-                               : braking ? base.trajectory.stop(base.X, kT)
+                               : braking ? base.trajectory.brake(base.X, kT)
                                          : base.tick(t);
       ASSERT_LE(std::hypot(v.x, v.y), c.speed_m_per_s * (1 + 1e-9)) << "seed " << seed;
       ASSERT_LE(std::abs(v.yaw), c.yaw_rate_rad_per_s * (1 + 1e-9)) << "seed " << seed;

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "rt/audit/histogram.hpp"
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/channel/ring.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/quantile.hpp"

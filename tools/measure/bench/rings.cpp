@@ -327,22 +327,33 @@ void summarise(const Samples& from, RingsResult::Figures* to) {
   }
 }
 
+// The first lap of each queue meets untouched pages and a cold predictor: not counted.
+void warm_up(CorePair& pair, Field<8>& small, Field<256>& large) {
+  Samples unused[RingsResult::kQueues];
+  RingsResult not_counted;
+  Lines no_lines;
+  for (int i = 0; i < 4; ++i) {
+    small.round(pair, not_counted, no_lines, unused, i);
+    large.round(pair, not_counted, no_lines, unused, i);
+  }
+}
+
+// Why nothing can be measured here; empty: it can.
+std::string no_rings(const CorePair& pair) {
+  if (!pair.missing().empty()) return pair.missing();
+  if (!TELETACT_BENCH_PEERS)
+    return "built without the peers (libboost-dev, libreaderwriterqueue-dev): not measured";
+  return {};
+}
+
 }  // namespace
 
 RingsResult bench_rings(std::ostream& progress, int rounds) {
   RingsResult result;
   rt::Startup startup;
   CorePair pair;
-  if (!pair.missing().empty()) {
-    result.remark = pair.missing();
-    return result;
-  }
-  result.fifo = pair.fifo();
-  if (!TELETACT_BENCH_PEERS) {
-    result.remark =
-        "built without the peers (libboost-dev, libreaderwriterqueue-dev): not measured";
-    return result;
-  }
+  result.fifo = pair.missing().empty() && pair.fifo();
+  if (result.remark = no_rings(pair); !result.remark.empty()) return result;
   if (!result.fifo) result.remark = "no right to SCHED_FIFO: other work may interrupt a burst; ";
 
   Field<8> small;
@@ -352,16 +363,7 @@ RingsResult bench_rings(std::ostream& progress, int rounds) {
   Lines lines;
   std::vector<double> read[RingsResult::kPlacements], writes[RingsResult::kPlacements];
 
-  // The first lap of each queue meets untouched pages and a cold predictor: not counted.
-  {
-    Samples unused[RingsResult::kQueues];
-    RingsResult not_counted;
-    Lines no_lines;
-    for (int i = 0; i < 4; ++i) {
-      small.round(pair, not_counted, no_lines, unused, i);
-      large.round(pair, not_counted, no_lines, unused, i);
-    }
-  }
+  warm_up(pair, small, large);
   const OtherLoad others;
   const auto near_rounds = [&] {
     std::size_t least = read[RingsResult::kNear].size();
@@ -391,9 +393,8 @@ RingsResult bench_rings(std::ostream& progress, int rounds) {
   }
   progress << '\n';
 
-  for (int s = 0; s < RingsResult::kSizes; ++s) {
+  for (int s = 0; s < RingsResult::kSizes; ++s)
     for (int q = 0; q < RingsResult::kQueues; ++q) summarise(samples[s][q], result.queue[q][s]);
-  }
   for (int p = 0; p < RingsResult::kPlacements; ++p) {
     result.line_ns[p] = median(lines.plain[p]);
     result.line_best_ns[p] = median(lines.best[p]);

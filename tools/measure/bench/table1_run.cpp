@@ -161,6 +161,56 @@ struct PerFrame {
   std::vector<bool> followed;
 };
 
+// What the frames of a pass took, ms each.
+struct PassTimes {
+  std::vector<double> whole, followed, object;
+  std::vector<double> real_wall, own_cpu, worker_cpu, forks;
+  std::array<std::vector<double>, Table1Row::kStages> stages;
+
+  void add(const tasks::FusionTask::Profile& p, const FrameTimes& times, bool segmented) {
+    const auto& f = p.integrate_parts;
+    const double total = times.way_through;
+    std::array<double, Table1Row::kStages> ms{};
+    const std::int64_t ns[] = {p.prepare, p.track,   f.ready,  f.allocate, f.update,
+                               f.carve,   p.raycast, p.ground, p.cost_map, p.patch};
+    double sum = 0;
+    for (std::size_t s = 0; s < std::size(ns); ++s)
+      sum += ms[s] = 1e-6 * static_cast<double>(ns[s]);
+    ms.back() = total - sum;
+    whole.push_back(total);
+    real_wall.push_back(times.real_wall);
+    own_cpu.push_back(times.own_cpu);
+    worker_cpu.push_back(times.worker_cpu);
+    forks.push_back(times.forks);
+    if (segmented) {
+      followed.push_back(total);
+      object.push_back(1e-6 * static_cast<double>(p.objects));
+    }
+    for (std::size_t s = 0; s < ms.size(); ++s) stages[s].push_back(ms[s]);
+  }
+  void fill(Table1Row& row) const {
+    row.frame = figures(whole);
+    row.with_object = figures(followed);
+    row.object = figures(object);
+    row.followed = static_cast<int>(followed.size());
+    for (std::size_t s = 0; s < stages.size(); ++s) row.stages[s] = figures(stages[s]);
+    row.two.real_wall = figures(real_wall);
+    row.two.own_cpu = figures(own_cpu);
+    row.two.worker_cpu = figures(worker_cpu);
+    row.two.forks = rt::quantile_or_nan(forks, 0.5);
+  }
+};
+
+void fill_memory(const tasks::FusionTask& task, const FusionSequence& sequence, Table1Row& row) {
+  constexpr double kMiB = 1.0 / 1048576.0;
+  row.keyframes_MiB = kMiB * static_cast<double>(task.keyframes().memory_bytes());
+  row.memory_MiB =
+      row.keyframes_MiB +
+      kMiB * static_cast<double>(task.map().memory_bytes() + 4 * sizeof(perception::SurfacePatch));
+  row.rss_MiB = kMiB * (resident_bytes() - static_cast<double>(sequence.bytes()));
+  row.blocks = task.map().block_count();
+}
+
 // One pass over the sequence; with a crew in `two` instead of in the figures of one thread.
 Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame, bool with_object,
                BenchPool* crew = nullptr, PerFrame* frames = nullptr) {
@@ -171,7 +221,6 @@ Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame
   config.objects.enabled = with_object;
   tasks::FusionTask task(startup.token(), config, setup);
   Toucher toucher;
-  std::vector<double> followed, object;
   task.profile(true);
   if (crew != nullptr) task.use(crew->pool());
   FusionFeed feed(task);
@@ -184,8 +233,7 @@ Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame
   row.edge = cube.edge;
   row.fixed_voxel = cube.fixed_voxel;
   row.frames = sequence.size();
-  std::vector<double> whole, real_wall, own_cpu, worker_cpu, forks;
-  std::array<std::vector<double>, Table1Row::kStages> stages;
+  PassTimes took;
   OtherLoad others;
   for (int i = 0; i < sequence.size(); ++i) {
     sequence.frame(i, feed.frame());
@@ -199,52 +247,18 @@ Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame
     }
     const bool segmented = with_object && toucher.after(out, i);
     if (i < first_frame) continue;
-    const auto& p = task.last_profile();
-    const auto& f = p.integrate_parts;
-    const double total = times.way_through;
-    std::array<double, Table1Row::kStages> ms{};
-    const std::int64_t ns[] = {p.prepare, p.track,   f.ready,  f.allocate, f.update,
-                               f.carve,   p.raycast, p.ground, p.cost_map, p.patch};
-    double sum = 0;
-    for (std::size_t s = 0; s < std::size(ns); ++s)
-      sum += ms[s] = 1e-6 * static_cast<double>(ns[s]);
-    ms.back() = total - sum;
-    whole.push_back(total);
-    if (frames != nullptr) {
-      frames->total_ms.push_back(total);
-      frames->followed.push_back(segmented);
-    }
-    real_wall.push_back(times.real_wall);
-    own_cpu.push_back(times.own_cpu);
-    worker_cpu.push_back(times.worker_cpu);
-    forks.push_back(times.forks);
-    if (segmented) {
-      followed.push_back(total);
-      object.push_back(1e-6 * static_cast<double>(p.objects));
-    }
-    for (std::size_t s = 0; s < ms.size(); ++s) stages[s].push_back(ms[s]);
+    took.add(task.last_profile(), times, segmented);
+    if (frames == nullptr) continue;
+    frames->total_ms.push_back(times.way_through);
+    frames->followed.push_back(segmented);
   }
   row.other_load = others.cores();
-  row.frame = figures(whole);
-  row.with_object = figures(followed);
-  row.object = figures(object);
-  row.followed = static_cast<int>(followed.size());
+  took.fill(row);
   row.touches = toucher.touches;
-  for (std::size_t s = 0; s < stages.size(); ++s) row.stages[s] = figures(stages[s]);
   row.ate_mm = row.claimed >= Table1Row::kClaimedShare * row.frames
                    ? error.ate_mm()
                    : std::numeric_limits<double>::quiet_NaN();
-  constexpr double kMiB = 1.0 / 1048576.0;
-  row.keyframes_MiB = kMiB * static_cast<double>(task.keyframes().memory_bytes());
-  row.memory_MiB =
-      row.keyframes_MiB +
-      kMiB * static_cast<double>(task.map().memory_bytes() + 4 * sizeof(perception::SurfacePatch));
-  row.rss_MiB = kMiB * (resident_bytes() - static_cast<double>(sequence.bytes()));
-  row.blocks = task.map().block_count();
-  row.two.real_wall = figures(real_wall);
-  row.two.own_cpu = figures(own_cpu);
-  row.two.worker_cpu = figures(worker_cpu);
-  row.two.forks = rt::quantile_or_nan(forks, 0.5);
+  fill_memory(task, sequence, row);
   return row;
 }
 

@@ -82,6 +82,27 @@ Model model_of(const Run& run, const rig::Rig& r, const std::vector<rig::Optimum
   return out;
 }
 
+struct Drops {
+  double most = 0;  // friction, N
+  Drop at_wall, anywhere;
+};
+// `smooth`: the same ticks without friction.
+template <class AtWall>
+Drops drops_of(const std::vector<Row>& rows, const std::vector<Row>& smooth,
+               const AtWall& at_wall) {
+  Drops out;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const Row &row = rows[i], &last = rows[i - 1];
+    const double f = row.telemetry.friction_N, less = last.telemetry.friction_N - f;
+    out.most = std::max(out.most, f);
+    if (!row.telemetry.in_contact) continue;
+    const double stretch = 1000 * (smooth[i - 1].p - last.h).norm();
+    out.anywhere.take(less, stretch);
+    if (at_wall(row.h)) out.at_wall.take(less, stretch);
+  }
+  return out;
+}
+
 std::vector<Run> friction_corner_runs(const Setting& s) {
   const double tip = s.tip_radius_m;
   std::vector<Vec3> points{{-0.05, 0, 0.005},
@@ -114,17 +135,7 @@ std::vector<Run> friction_corner_runs(const Setting& s) {
   const auto at_wall = [=](const Vec3& h) {
     return std::abs(h.x() + tip) < 0.004 && h.z() < tip - 0.0079 && h.y() < 1e-9;
   };
-  Drop drop, anywhere;
-  double most = 0;
-  for (std::size_t i = 1; i < run.rows.size(); ++i) {
-    const Row &row = run.rows[i], &last = run.rows[i - 1];
-    const double f = row.telemetry.friction_N, less = last.telemetry.friction_N - f;
-    most = std::max(most, f);
-    if (!row.telemetry.in_contact) continue;
-    const double stretch = 1000 * (smooth[i - 1].p - last.h).norm();
-    anywhere.take(less, stretch);
-    if (at_wall(row.h)) drop.take(less, stretch);
-  }
+  const auto [most, drop, anywhere] = drops_of(run.rows, smooth, at_wall);
   add_pops(run, r, false);
   Model model;
   model.at_wall.most = model.anywhere.beyond_slip = model.f_error_guarded = std::nan("");

@@ -161,6 +161,27 @@ std::vector<Run> step_runs(const Setting& s) {
   return out;
 }
 
+// An exact proxy on windows of the true floor, which rises by 0.1 m/s from `at` on for `rise_s`:
+// the last window fades into the newest over one period. NaN: there were none.
+struct OnWindows {
+  double lag_s = std::nan(""), height_m = lag_s;
+};
+OnWindows exact_on_windows(const std::vector<std::pair<double, double>>& windows, double at,
+                           double rise_s) {
+  OnWindows out;
+  for (std::size_t i = 1; i < windows.size(); ++i) {
+    const auto& [since, height] = windows[i];
+    for (double t = since; t < since + 1.0 / 30; t += 1e-3) {
+      if (t <= at + 0.05 || t >= at + rise_s) continue;
+      const double blend = std::min((t - since) * 30, 1.0);
+      const double shown = (1 - blend) * windows[i - 1].second + blend * height;
+      if (!(t - at - shown / 0.1 <= out.lag_s)) out.lag_s = t - at - shown / 0.1;
+    }
+    out.height_m = height;
+  }
+  return out;
+}
+
 std::vector<Run> rise_runs(const Setting& s) {
   Setting sampled = s;
   sampled.fused = nullptr;
@@ -201,18 +222,8 @@ std::vector<Run> rise_runs(const Setting& s) {
     const double height = row.p.z() - radius;
     if (row.t > at + 0.05 && row.t < at + kRise_s) lag = std::max(lag, row.t - at - height / 0.1);
   }
-  // An exact proxy on windows of the true floor, the last fading into the newest over one period.
-  double fused_lag = std::nan(""), fused_end = fused_lag;
-  for (std::size_t i = 1; i < fused->size(); ++i) {
-    const auto& [since, height] = (*fused)[i];
-    for (double t = since; t < since + 1.0 / 30; t += 1e-3) {
-      if (t <= at + 0.05 || t >= at + kRise_s) continue;
-      const double s_blend = std::min((t - since) * 30, 1.0);
-      const double shown = (1 - s_blend) * (*fused)[i - 1].second + s_blend * height;
-      if (!(t - at - shown / 0.1 <= fused_lag)) fused_lag = t - at - shown / 0.1;
-    }
-    fused_end = k * std::abs(kRise_m - height);
-  }
+  const auto [fused_lag, fused_height] = exact_on_windows(*fused, at, kRise_s);
+  const double fused_end = k * std::abs(kRise_m - fused_height);
   add(run, "J N", run.figures.j, 0.15);
   add(run, "lag ms", 1e3 * lag, 40, 1e3 * fused_lag);
   add(run, "ticks without contact", lost, 0);

@@ -141,86 +141,128 @@ struct Optimum {
   Vec3 p, f;       // S
   Vec3 f_guarded;  // its force behind the slew guard
 };
-inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
-                                  std::size_t stride = 5, double j_limit_N = 0.3) {
-  const Scene& setup = rig.setup();
-  const support::ReferenceField samples = reference_field(rig, rows),
-                                field = judging_field(rig, rows);
-  support::FieldOptimum::Known known;
-  if (setup.known) known = [&](const Vec3& p_W) { return in_known(setup, p_W); };
-  const double radius = setup.config.tip_radius_m;
-  const support::FieldOptimum on_samples(samples, radius, setup.voxel, known),
-      optimum(field, radius, setup.voxel, setup.truth ? support::FieldOptimum::Known{} : known);
-  std::vector<Optimum> path;
-  std::vector<double> f_error, p_error, f_guarded_error, f_slower_error, f_samples, p_samples;
-  Vec3 p = setup.X_WS * rows.front().h, h_last = p, p_on_samples = p;
-  SlewFollower guarded(0.3, setup.config.stiffness_N_per_m, stride),
-      slower(std::min(0.3, j_limit_N), setup.config.stiffness_N_per_m, stride);
-  bool comparable = true;
-  std::size_t asked = 0, judged = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& r = rows[i];
-    const Vec3 p_mine = setup.X_WS * r.p;
-    if (r.telemetry.in_contact && in_known(setup, p_mine)) {
-      out.below_max = std::max(out.below_max, radius - samples(p_mine));
+// A run against the optimum on the reference field, row by row.
+class Judging {
+ public:
+  Judging(const Rig& rig, const std::vector<Row>& rows, std::size_t stride, double j_limit_N)
+      : setup_(rig.setup()),
+        samples_(reference_field(rig, rows)),
+        field_(judging_field(rig, rows)),
+        on_samples_(samples_, radius(), setup_.voxel, known()),
+        optimum_(field_, radius(), setup_.voxel,
+                 setup_.truth ? support::FieldOptimum::Known{} : known()),
+        guarded_(0.3, setup_.config.stiffness_N_per_m, stride),
+        slower_(std::min(0.3, j_limit_N), setup_.config.stiffness_N_per_m, stride) {
+    p_ = h_last_ = p_on_samples_ = setup_.X_WS * rows.front().h;
+  }
+  Judging(const Judging&) = delete;  // its parts know each other
+  Judging& operator=(const Judging&) = delete;
+
+  // Every tick: how far below the surface it is.
+  void see(const Row& r, Figures& out) const {
+    const Vec3 p_mine = setup_.X_WS * r.p;
+    if (r.telemetry.in_contact && in_known(setup_, p_mine))
+      out.below_max = std::max(out.below_max, radius() - samples_(p_mine));
+  }
+  // Every tick of the stride.
+  void judge(std::size_t i, const Row& r, Figures& out) {
+    const Vec3 p_mine = setup_.X_WS * r.p, h = setup_.X_WS * r.h;
+    const bool inside = r.telemetry.in_contact || field_(h) <= setup_.config.tip_radius_m;
+    asked_ += inside ? 1U : 0U;
+    comparable_ = comparable_ && in_known(setup_, p_mine) && in_known(setup_, p_);
+    if (!comparable_) {
+      begin_again(r, h);
+      return;
     }
-    if (i % stride != 0) continue;
-    const Vec3 h = setup.X_WS * r.h;
-    const bool inside = r.telemetry.in_contact || field(h) <= setup.config.tip_radius_m;
-    asked += inside ? 1U : 0U;
-    comparable = comparable && in_known(setup, p_mine) && in_known(setup, p);
-    if (!comparable) {
-      comparable =
-          !r.telemetry.in_contact && in_known(setup, h) && field(h) > setup.config.tip_radius_m;
-      p = p_on_samples = h_last = h;
-      guarded.reset();
-      slower.reset();
-      continue;
-    }
-    p = optimum.follow(p, h_last, h);
-    if (setup.truth) p_on_samples = on_samples.follow(p_on_samples, h_last, h);
-    const double moved = (h - h_last).norm();
-    h_last = h;
-    comparable = in_known(setup, p);  // it may have come there in this step
-    if (!comparable) continue;
-    judged += inside ? 1U : 0U;
-    Vec3 f = setup.config.stiffness_N_per_m * (p - h);
-    const double whole = f.norm();
-    if (whole > 12) f *= 12 / whole;
+    p_ = optimum_.follow(p_, h_last_, h);
+    if (setup_.truth) p_on_samples_ = on_samples_.follow(p_on_samples_, h_last_, h);
+    const double moved = (h - h_last_).norm();
+    h_last_ = h;
+    comparable_ = in_known(setup_, p_);  // it may have come there in this step
+    if (!comparable_) return;
+    judged_ += inside ? 1U : 0U;
+    const Vec3 f = limited(setup_.config.stiffness_N_per_m * (p_ - h));
     // Behind the slew guard: a force may not jump as the optimum may. In the free too.
-    guarded.follow(f, moved);
-    slower.follow(f, moved);
-    if (!r.telemetry.in_contact && (p - h).norm() < 1e-4) continue;
-    f_guarded_error.push_back((f - guarded.force()).norm());
-    f_slower_error.push_back((f - slower.force()).norm());
-    const double mine = (p_mine - h).norm(), best = (p - h).norm();
+    guarded_.follow(f, moved);
+    slower_.follow(f, moved);
+    if (!r.telemetry.in_contact && (p_ - h).norm() < 1e-4) return;
+    compare(i, r, h, f, out);
+  }
+  [[nodiscard]] std::vector<Optimum> finish(Figures& out) {
+    out.judged_share = asked_ > 0 ? static_cast<double>(judged_) / static_cast<double>(asked_) : 1;
+    out.f_error_p95 = rt::quantile(f_error_, 0.95);
+    out.f_error_max = rt::quantile(f_error_, 1);
+    out.f_error_guarded_optimum = rt::quantile(f_guarded_error_, 0.95);
+    // The samples force a step over the limit of J only if a slower one puts the force off.
+    out.j_guarded_optimum =
+        rt::quantile(f_slower_error_, 0.95) <= kForceErrorLimit_N ? slower_.j() : guarded_.j();
+    out.p_error_p95 = rt::quantile(p_error_, 0.95);
+    out.p_error_max = rt::quantile(p_error_, 1);
+    out.f_error_samples_p95 = setup_.truth ? rt::quantile(f_samples_, 0.95) : out.f_error_p95;
+    out.p_error_samples_p95 = setup_.truth ? rt::quantile(p_samples_, 0.95) : out.p_error_p95;
+    return std::move(path_);
+  }
+
+ private:
+  static constexpr double kForceLimit_N = 12;
+  [[nodiscard]] double radius() const { return setup_.config.tip_radius_m; }
+  [[nodiscard]] support::FieldOptimum::Known known() const {
+    if (!setup_.known) return {};
+    return [this](const Vec3& p_W) { return in_known(setup_, p_W); };
+  }
+  [[nodiscard]] static Vec3 limited(Vec3 f) {
+    const double whole = f.norm();
+    if (whole > kForceLimit_N) f *= kForceLimit_N / whole;
+    return f;
+  }
+  void begin_again(const Row& r, const Vec3& h) {
+    comparable_ =
+        !r.telemetry.in_contact && in_known(setup_, h) && field_(h) > setup_.config.tip_radius_m;
+    p_ = p_on_samples_ = h_last_ = h;
+    guarded_.reset();
+    slower_.reset();
+  }
+  // `f`: the optimum's, limited.
+  void compare(std::size_t i, const Row& r, const Vec3& h, const Vec3& f, Figures& out) {
+    const Vec3 p_mine = setup_.X_WS * r.p;
+    const double stiffness = setup_.config.stiffness_N_per_m;
+    f_guarded_error_.push_back((f - guarded_.force()).norm());
+    f_slower_error_.push_back((f - slower_.force()).norm());
+    const double mine = (p_mine - h).norm(), best = (p_ - h).norm();
     out.longer_max = std::max(out.longer_max, mine - best);
     out.shorter_max = std::max(out.shorter_max, best - mine);
-    out.unused_max = std::max(out.unused_max,
-                              on_samples.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
-    out.unused_optimum = std::max(out.unused_optimum, optimum.unused(p, h) * whole);
-    const Mat3 R_SW = setup.X_WS.linear().transpose();
-    path.push_back({i, setup.X_WS.inverse() * p, R_SW * f, R_SW * guarded.force()});
-    f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
-    p_error.push_back((p_mine - p).norm());
-    if (!setup.truth) continue;
-    Vec3 f_there = setup.config.stiffness_N_per_m * (p_on_samples - h);
-    if (f_there.norm() > 12) f_there *= 12 / f_there.norm();
-    f_samples.push_back((setup.X_WS.linear() * r.f - f_there).norm());
-    p_samples.push_back((p_mine - p_on_samples).norm());
+    out.unused_max = std::max(out.unused_max, on_samples_.unused(p_mine, h) * stiffness * mine);
+    const double whole = (stiffness * (p_ - h)).norm();
+    out.unused_optimum = std::max(out.unused_optimum, optimum_.unused(p_, h) * whole);
+    const Mat3 R_SW = setup_.X_WS.linear().transpose();
+    path_.push_back({i, setup_.X_WS.inverse() * p_, R_SW * f, R_SW * guarded_.force()});
+    f_error_.push_back((setup_.X_WS.linear() * r.f - f).norm());
+    p_error_.push_back((p_mine - p_).norm());
+    if (!setup_.truth) return;
+    const Vec3 f_there = limited(stiffness * (p_on_samples_ - h));
+    f_samples_.push_back((setup_.X_WS.linear() * r.f - f_there).norm());
+    p_samples_.push_back((p_mine - p_on_samples_).norm());
   }
-  out.judged_share = asked > 0 ? static_cast<double>(judged) / static_cast<double>(asked) : 1;
-  out.f_error_p95 = rt::quantile(f_error, 0.95);
-  out.f_error_max = rt::quantile(f_error, 1);
-  out.f_error_guarded_optimum = rt::quantile(f_guarded_error, 0.95);
-  // The samples force a step over the limit of J only if a slower one puts the force off.
-  out.j_guarded_optimum =
-      rt::quantile(f_slower_error, 0.95) <= kForceErrorLimit_N ? slower.j() : guarded.j();
-  out.p_error_p95 = rt::quantile(p_error, 0.95);
-  out.p_error_max = rt::quantile(p_error, 1);
-  out.f_error_samples_p95 = setup.truth ? rt::quantile(f_samples, 0.95) : out.f_error_p95;
-  out.p_error_samples_p95 = setup.truth ? rt::quantile(p_samples, 0.95) : out.p_error_p95;
-  return path;
+
+  const Scene& setup_;
+  support::ReferenceField samples_, field_;
+  support::FieldOptimum on_samples_, optimum_;
+  SlewFollower guarded_, slower_;
+  Vec3 p_, h_last_, p_on_samples_;
+  bool comparable_ = true;
+  std::size_t asked_ = 0, judged_ = 0;
+  std::vector<Optimum> path_;
+  std::vector<double> f_error_, p_error_, f_guarded_error_, f_slower_error_, f_samples_, p_samples_;
+};
+
+inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
+                                  std::size_t stride = 5, double j_limit_N = 0.3) {
+  Judging judging(rig, rows, stride, j_limit_N);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    judging.see(rows[i], out);
+    if (i % stride == 0) judging.judge(i, rows[i], out);
+  }
+  return judging.finish(out);
 }
 
 inline void print(const std::string& name, const Figures& f) {

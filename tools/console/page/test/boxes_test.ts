@@ -1,6 +1,6 @@
 // The page of `teletact operator`, in a real browser, while the robot's box is killed and started
-// again: boxes_test.mjs SITE ARTEFACTS TELETACT COSTS. Two processes on the real clock that know each
-// other only by the road. 77: no browser, or no cores for them here.
+// again: boxes_test.mjs SITE ARTEFACTS TELETACT COSTS. Two processes on the real clock that know
+// each other only by the road. 77: no browser, or no cores for them here.
 import assert from 'node:assert/strict';
 import { ChildProcess, spawn } from 'node:child_process';
 import { mkdtempSync, rmSync } from 'node:fs';

@@ -134,8 +134,9 @@ interface HeapSnapshot {
   nodes: number[];
 }
 
-// What the page holds, MB: every node of a snapshot of the collected heap, those of the DOM too, but
-// for the code that the engine compiles. That goes on for a minute (0.3 MB of 4.7), then it stands.
+// What the page holds, MB: every node of a snapshot of the collected heap, those of the DOM too,
+// but for the code that the engine compiles. That goes on for a minute (0.3 MB of 4.7), then it
+// stands.
 async function heldHeap(session: CDPSession): Promise<number> {
   const parts: string[] = [];
   const take = ({ chunk }: { chunk: string }): void => { parts.push(chunk); };

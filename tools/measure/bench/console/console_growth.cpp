@@ -177,7 +177,8 @@ void measure_growth(std::ostream& progress, const ConsoleBenchOptions& options, 
   Views views(server);
   const auto begin = Clock::now();
   const auto passed_s = [&] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
-  // The browser's script tells of its memory every other second at most, more rarely while it reloads.
+  // The browser's script tells of its memory every other second at most, more rarely while it
+  // reloads.
   while (out.messages < messages || out.reloads < reloads || passed_s() < least_s ||
          out.heap_MB.size() < Growth::kLeast) {
     publish_for(server, views, milliseconds{1000});

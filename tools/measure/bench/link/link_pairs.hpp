@@ -1,8 +1,8 @@
 // Whether the road disturbs the tasks of 1 kHz: both boxes over a road that carries all there is to
 // carry and over one that does not, in turn.
 //
-// Idle: the base stands, depth codec `quiet`, a quarter of the road. Saturated: lossless depth, four
-// times what the road carries. The hand touches in both.
+// Idle: the base stands, depth codec `quiet`, a quarter of the road. Saturated: lossless depth,
+// four times what the road carries. The hand touches in both.
 #pragma once
 
 #include <array>

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "rt/audit/job_record.hpp"
+#include "rt/sched/job_record.hpp"
 #include "tasks/graph/samples.hpp"
 
 namespace teletact {

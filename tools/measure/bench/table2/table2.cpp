@@ -182,8 +182,100 @@ void score_paper(const Picture& p, RowSum& row) {
   row.add_image(s, regions, p.regions, ms);
 }
 
-// OpenCV's mean shift filter, then pieces of like colour, then pieces below 600 pixels to the
-// neighbour of the most alike mean.
+// Pieces of an image: a label a pixel, from 1 on, and of each its pixels and mean colour.
+struct Pieces {
+  Labels labels;
+  std::vector<double> pixels{0};
+  std::vector<cv::Vec3d> mean{cv::Vec3d()};
+};
+
+Pieces pieces_of_like_colour(const cv::Mat& image) {
+  const int w = image.cols, h = image.rows;
+  cv::Mat filled = image, mask(h + 2, w + 2, CV_8U, cv::Scalar(0));
+  Pieces out{Labels(static_cast<std::size_t>(w * h), 0)};
+  for (int v = 0; v < h; ++v) {
+    for (int u = 0; u < w; ++u) {
+      if (mask.at<std::uint8_t>(v + 1, u + 1) != 0) continue;
+      cv::Rect box;
+      cv::floodFill(filled, mask, {u, v}, {}, &box, cv::Scalar::all(3), cv::Scalar::all(3),
+                    4 | cv::FLOODFILL_MASK_ONLY | (2 << 8));
+      const auto id = static_cast<std::uint16_t>(std::min<std::size_t>(out.pixels.size(), 65535));
+      cv::Vec3d sum(0, 0, 0);
+      double n = 0;
+      for (int y = box.y; y < box.y + box.height; ++y) {
+        for (int x = box.x; x < box.x + box.width; ++x) {
+          std::uint8_t& m = mask.at<std::uint8_t>(y + 1, x + 1);
+          if (m != 2) continue;
+          m = 1;
+          out.labels[static_cast<std::size_t>(y * w + x)] = id;
+          const auto c = image.at<cv::Vec3b>(y, x);
+          sum += cv::Vec3d(c[0], c[1], c[2]);
+          n += 1;
+        }
+      }
+      out.pixels.push_back(n);
+      out.mean.push_back(sum / n);
+    }
+  }
+  return out;
+}
+
+using Neighbours = std::vector<std::vector<int>>;  // of each piece, without doubles
+Neighbours neighbours_of(const Pieces& p, int w, int h) {
+  Neighbours near(p.pixels.size());
+  for (int i = 0; i < w * h; ++i) {
+    for (const int j : {i % w + 1 < w ? i + 1 : i, i + w < w * h ? i + w : i}) {
+      const auto a = p.labels[static_cast<std::size_t>(i)],
+                 b = p.labels[static_cast<std::size_t>(j)];
+      if (a != b) near[a].push_back(b), near[b].push_back(a);
+    }
+  }
+  for (auto& list : near) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+  }
+  return near;
+}
+
+// Pieces below 600 pixels, the smallest first, to the neighbour of the most alike mean.
+Labels joined(Pieces p, Neighbours near) {
+  constexpr double kLeastPixels = 600;
+  std::vector<int> parent(p.pixels.size());
+  for (std::size_t i = 0; i < parent.size(); ++i) parent[i] = static_cast<int>(i);
+  const auto root = [&](int i) {
+    while (parent[static_cast<std::size_t>(i)] != i) i = parent[static_cast<std::size_t>(i)];
+    return i;
+  };
+  std::vector<int> order(parent.begin() + 1, parent.end());
+  std::sort(order.begin(), order.end(), [&](int a, int b) {
+    return p.pixels[static_cast<std::size_t>(a)] != p.pixels[static_cast<std::size_t>(b)]
+               ? p.pixels[static_cast<std::size_t>(a)] < p.pixels[static_cast<std::size_t>(b)]
+               : a < b;
+  });
+  for (const int first : order) {
+    const int i = root(first);
+    const auto a = static_cast<std::size_t>(i);
+    if (i != first || p.pixels[a] >= kLeastPixels) continue;
+    int best = -1;
+    double least = 0;
+    for (const int other : near[a]) {
+      const int j = root(other);
+      if (j == i) continue;
+      const double d = cv::norm(p.mean[a] - p.mean[static_cast<std::size_t>(j)]);
+      if (best < 0 || d < least) best = j, least = d;
+    }
+    if (best < 0) continue;
+    const auto b = static_cast<std::size_t>(best);
+    p.mean[b] = (p.mean[b] * p.pixels[b] + p.mean[a] * p.pixels[a]) / (p.pixels[a] + p.pixels[b]);
+    p.pixels[b] += p.pixels[a];
+    parent[a] = best;
+    near[b].insert(near[b].end(), near[a].begin(), near[a].end());
+  }
+  for (auto& l : p.labels) l = static_cast<std::uint16_t>(root(l));
+  return p.labels;
+}
+
+// OpenCV's mean shift filter, then pieces of like colour, joined.
 Labels mean_shift(const Image<Rgb>& rgb) {
   const int w = rgb.width(), h = rgb.height();
   cv::Mat image(h, w, CV_8UC3), filtered;
@@ -194,79 +286,9 @@ Labels mean_shift(const Image<Rgb>& rgb) {
     }
   }
   cv::pyrMeanShiftFiltering(image, filtered, 12, 20, 1);
-  cv::Mat mask(h + 2, w + 2, CV_8U, cv::Scalar(0));
-  Labels out(static_cast<std::size_t>(w * h), 0);
-  std::vector<double> pixels(1, 0);
-  std::vector<cv::Vec3d> mean(1);
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      if (mask.at<std::uint8_t>(v + 1, u + 1) != 0) continue;
-      cv::Rect box;
-      cv::floodFill(filtered, mask, {u, v}, {}, &box, cv::Scalar::all(3), cv::Scalar::all(3),
-                    4 | cv::FLOODFILL_MASK_ONLY | (2 << 8));
-      const auto id = static_cast<std::uint16_t>(std::min<std::size_t>(pixels.size(), 65535));
-      cv::Vec3d sum(0, 0, 0);
-      double n = 0;
-      for (int y = box.y; y < box.y + box.height; ++y) {
-        for (int x = box.x; x < box.x + box.width; ++x) {
-          std::uint8_t& m = mask.at<std::uint8_t>(y + 1, x + 1);
-          if (m != 2) continue;
-          m = 1;
-          out[static_cast<std::size_t>(y * w + x)] = id;
-          const auto c = filtered.at<cv::Vec3b>(y, x);
-          sum += cv::Vec3d(c[0], c[1], c[2]);
-          n += 1;
-        }
-      }
-      pixels.push_back(n);
-      mean.push_back(sum / n);
-    }
-  }
-  constexpr double kLeastPixels = 600;
-  std::vector<std::vector<int>> near(pixels.size());
-  std::vector<int> parent(pixels.size());
-  for (std::size_t i = 0; i < parent.size(); ++i) parent[i] = static_cast<int>(i);
-  const auto root = [&](int i) {
-    while (parent[static_cast<std::size_t>(i)] != i) i = parent[static_cast<std::size_t>(i)];
-    return i;
-  };
-  for (int i = 0; i < w * h; ++i) {
-    for (const int j : {i % w + 1 < w ? i + 1 : i, i + w < w * h ? i + w : i}) {
-      const auto a = out[static_cast<std::size_t>(i)], b = out[static_cast<std::size_t>(j)];
-      if (a != b) near[a].push_back(b), near[b].push_back(a);
-    }
-  }
-  for (auto& list : near) {
-    std::sort(list.begin(), list.end());
-    list.erase(std::unique(list.begin(), list.end()), list.end());
-  }
-  std::vector<int> order(parent.begin() + 1, parent.end());
-  std::sort(order.begin(), order.end(), [&](int a, int b) {
-    return pixels[static_cast<std::size_t>(a)] != pixels[static_cast<std::size_t>(b)]
-               ? pixels[static_cast<std::size_t>(a)] < pixels[static_cast<std::size_t>(b)]
-               : a < b;
-  });
-  for (const int first : order) {
-    const int i = root(first);
-    const auto a = static_cast<std::size_t>(i);
-    if (i != first || pixels[a] >= kLeastPixels) continue;
-    int best = -1;
-    double least = 0;
-    for (const int other : near[a]) {
-      const int j = root(other);
-      if (j == i) continue;
-      const double d = cv::norm(mean[a] - mean[static_cast<std::size_t>(j)]);
-      if (best < 0 || d < least) best = j, least = d;
-    }
-    if (best < 0) continue;
-    const auto b = static_cast<std::size_t>(best);
-    mean[b] = (mean[b] * pixels[b] + mean[a] * pixels[a]) / (pixels[a] + pixels[b]);
-    pixels[b] += pixels[a];
-    parent[a] = best;
-    near[b].insert(near[b].end(), near[a].begin(), near[a].end());
-  }
-  for (auto& l : out) l = static_cast<std::uint16_t>(root(l));
-  return out;
+  Pieces pieces = pieces_of_like_colour(filtered);
+  Neighbours near = neighbours_of(pieces, w, h);
+  return joined(std::move(pieces), std::move(near));
 }
 
 void print_row(std::ostream& out, const char* name, double pri, double bde, double gce, double voi,
