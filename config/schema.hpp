@@ -80,7 +80,8 @@ class Section {
   [[nodiscard]] const std::vector<std::unique_ptr<Field>>& fields() const { return fields_; }
   [[nodiscard]] std::vector<std::unique_ptr<Field>>& fields() { return fields_; }
   [[nodiscard]] Field* find(const std::string& key);
-  // True if the file named this key (used by opt-in effects: what a scene does not name is not built).
+  // True if the file named this key (used by opt-in effects: what a scene does not name is not
+  // built).
   [[nodiscard]] bool named(const std::string& key) const;
 
  private:

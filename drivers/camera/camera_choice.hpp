@@ -38,8 +38,8 @@ struct CameraChoice {
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept;
 };
 
-// Opens the real camera that `choice` names. Throws std::runtime_error with one line that says what is missing.
-// `said`: the device's description of itself.
+// Opens the real camera that `choice` names. Throws std::runtime_error with one line that says what
+// is missing. `said`: the device's description of itself.
 [[nodiscard]] std::unique_ptr<Camera> open_camera(rt::NonRealtime&, const CameraChoice& choice,
                                                   std::function<rt::Time()> now, std::string& said);
 // The camera with its depth bias removed; without a table the camera itself.

@@ -1,7 +1,7 @@
 // The systematic depth error of a camera as a function of range, and a camera that removes it from
 // raw depth.
-// Time-of-flight cameras are off by up to centimetres, depending on the range (wiggling; see Foix, Alenya and
-// Torras, "Lock-in time-of-flight cameras: a survey", IEEE Sensors 2011, section IV).
+// Time-of-flight cameras are off by up to centimetres, depending on the range (wiggling; see Foix,
+// Alenya and Torras, "Lock-in time-of-flight cameras: a survey", IEEE Sensors 2011, section IV).
 //
 // The table states the bias at some readings. Between them it is linear in the reading, beyond the
 // ends it is constant. Corrected = reading - bias, rounded, at least 1 mm.

@@ -1,6 +1,6 @@
-// Kinect v2 through libfreenect2 (github.com/OpenKinect/libfreenect2; not in Debian 12). Its interface is C++, so it
-// can not be loaded by name at run time. It is looked for when the program is configured; without
-// it open() reports that this program was built without it.
+// Kinect v2 through libfreenect2 (github.com/OpenKinect/libfreenect2; not in Debian 12). Its
+// interface is C++, so it can not be loaded by name at run time. It is looked for when the program
+// is configured; without it open() reports that this program was built without it.
 //
 // Depth is 512 x 424 in mm as the library decodes it, rounded. libfreenect2::Registration removes
 // the lens distortion and registers the colour to the depth.

@@ -21,15 +21,15 @@ class FrameSource {
   [[nodiscard]] virtual double rate_hz() const noexcept = 0;
   // Description of the opened device for people: name, serial number, its own lens data.
   [[nodiscard]] virtual std::string description() const = 0;
-  // Waits at most so long. Fills everything but `exposure`. kNoFrame: none came; kEnd: a recording is over;
-  // kFault: the device is lost.
+  // Waits at most so long. Fills everything but `exposure`. kNoFrame: none came; kEnd: a recording
+  // is over; kFault: the device is lost.
   [[nodiscard]] virtual CameraStatus wait_frame(int timeout_ms, perception::RgbdFrame& out) = 0;
 };
 
 class GrabbedCamera final : public Camera {
  public:
-  // `now` is the box's clock; it is called from the thread. `delay`: from the middle of an exposure to the
-  // frame's arrival here. The thread starts at once.
+  // `now` is the box's clock; it is called from the thread. `delay`: from the middle of an exposure
+  // to the frame's arrival here. The thread starts at once.
   GrabbedCamera(rt::NonRealtime&, std::unique_ptr<FrameSource> source,
                 std::function<rt::Time()> now, rt::Nanos delay);
   ~GrabbedCamera() override;

@@ -1,5 +1,5 @@
-// intrinsics.txt beside depth images: one line "fx fy cx cy width height depth_units_per_metre", px; '#' begins a
-// comment line. Read strictly: an error names file, line, value and allowed range.
+// intrinsics.txt beside depth images: one line "fx fy cx cy width height depth_units_per_metre",
+// px; '#' begins a comment line. Read strictly: an error names file, line, value and allowed range.
 #pragma once
 
 #include <string>

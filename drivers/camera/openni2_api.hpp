@@ -1,6 +1,6 @@
-// The C functions of OpenNI 2.2 that the driver uses, with the layouts of the library's own headers (OniCTypes.h,
-// OniCEnums.h, OniCProperties.h). Tests compare them with those headers where they are installed.
-// The library is loaded at run time and is not needed to build.
+// The C functions of OpenNI 2.2 that the driver uses, with the layouts of the library's own headers
+// (OniCTypes.h, OniCEnums.h, OniCProperties.h). Tests compare them with those headers where they
+// are installed. The library is loaded at run time and is not needed to build.
 #pragma once
 
 #include <cstdint>

@@ -234,7 +234,8 @@ void OpenNi2Source::keep_colour(const Frame& frame) {
   for (int v = 0; v < frame.height; ++v)
     std::memcpy(newest_colour_->rgb().row(v), bytes + static_cast<std::ptrdiff_t>(v) * frame.stride,
                 3 * static_cast<std::size_t>(frame.width));
-  // The device looks depth up in the colour camera's view: every pixel has a colour, black ones too.
+  // The device looks depth up in the colour camera's view: every pixel has a colour, black ones
+  // too.
   perception::lift_black(newest_colour_->rgb());
 }
 

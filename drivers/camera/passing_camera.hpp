@@ -20,7 +20,8 @@ namespace drivers {
 
 class PassingCamera final : public Camera {
  public:
-  // X_BC: the camera above the floor; B has its origin on the floor, x forward and z up. `from`: of exposures.
+  // X_BC: the camera above the floor; B has its origin on the floor, x forward and z up. `from`: of
+  // exposures.
   PassingCamera(rt::NonRealtime&, std::unique_ptr<Camera> camera, const perception::Pose& X_BC,
                 rt::Time from);
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override {

@@ -1,9 +1,11 @@
 // Finds the images of a recording, in each layout of such folders as they are downloaded:
 //
 //   associations.txt      TUM RGB-D benchmark, paired: "t_colour colour_file t_depth depth_file"
-//   depth.txt, rgb.txt    TUM RGB-D benchmark, as it comes: "t file" each. A depth image goes with the colour
-//                         image nearest in time, at most 20 ms away; one that has none is left out
-//   frame-NNNNNN.*.png    7-Scenes (Shotton et al., CVPR 2013): .depth.png, .color.png; no stamps: 30 Hz
+//   depth.txt, rgb.txt    TUM RGB-D benchmark, as it comes: "t file" each. A depth image goes with
+//                         the colour image nearest in time, at most 20 ms away; one that has none
+//                         is left out
+//   frame-NNNNNN.*.png    7-Scenes (Shotton et al., CVPR 2013): .depth.png, .color.png; no stamps:
+//                         30 Hz
 //
 // The first layout that is found is used. Seconds; '#' begins a comment line; depth stamps rise
 // strictly.

@@ -1,15 +1,17 @@
-// Reader of an RGB-D sequence in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012) or of 7-Scenes
-// (Shotton et al., CVPR 2013), as they are downloaded: sequence_layout.hpp says how the images are found.
+// Reader of an RGB-D sequence in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012) or
+// of 7-Scenes (Shotton et al., CVPR 2013), as they are downloaded: sequence_layout.hpp says how the
+// images are found.
 //
 //   depth images             16 bit, one channel; 0 and 65535 = no reading
 //   colour images            8 bit, PNG or JPEG, of the depth's size
-//   intrinsics.txt           optional: "fx fy cx cy width height depth_units_per_metre" of the depth camera. Without
-//                            it TumOptions::pinhole, else what the data set says of itself, for 640 x 480: TUM
-//                            525 525 319.5 239.5 and 5000 a metre, 7-Scenes 585 585 320 240 and 1000 a metre
+//   intrinsics.txt           optional: "fx fy cx cy width height depth_units_per_metre" of the
+//                            depth camera. Without it TumOptions::pinhole, else what the data set
+//                            says of itself, for 640 x 480: TUM 525 525 319.5 239.5 and 5000 a
+//                            metre, 7-Scenes 585 585 320 240 and 1000 a metre
 //   colour_registration.txt  optional: colour is not registered; pose and pinhole of the colour
 //                            camera ("fx v", "fy v", "cx v", "cy v", "R 9 values", "t 3 values in
-//                            m", X_colour = R X_depth + t). 7-Scenes is never registered: without the file
-//                            it is what was found for one of its rooms
+//                            m", X_colour = R X_depth + t). 7-Scenes is never registered: without
+//                            the file it is what was found for one of its rooms
 //
 // Strict: the first error ends reading with one message that names file, line and value.
 // assumed() lists what was assumed. Ground truth beside the images is never opened.

@@ -256,8 +256,8 @@ bool FalconDevice::sense(rt::Time now, StylusSample& out) noexcept {
   return true;
 }
 
-// A frame has no checksum, so a damaged one may read as a leap. What is faster than twice the speed limit
-// is believed only when the next frames agree.
+// A frame has no checksum, so a damaged one may read as a leap. What is faster than twice the speed
+// limit is believed only when the next frames agree.
 bool FalconDevice::plausible(const std::array<std::int16_t, 3>& counts, rt::Time now) noexcept {
   const double gap = std::clamp(rt::seconds(now - last_.taken), 1e-3, 2e-3);
   const int limit = 10 + static_cast<int>(2 * config_.speed_limit_m_per_s * gap * kCountsPerMetre);

@@ -1,21 +1,22 @@
 // Novint Falcon, frame by frame over its FTDI chip.
 //
-// Exchange  The transport's event thread sends a frame whenever one has come (the device only answers),
-//           with the newest torque there is; sense() and act() touch two lock-free cells and compute the
-//           kinematics: no system call, no allocation, no wait.
-// Delay     A sample is one frame period old when it comes (latency timer, 1 ms); the force computed from
-//           it in between goes with the next frame: two periods, 2.0 ms on the twin at every phase of
-//           the tick. Stated as delay_s = 2.5 ms and part of the limit 0.8 b / (T/2 + t_d).
-// States    RESET until all three encoders have met their index marks (the hand moves the grip once out
-//           and in; the ring glows red), IDLE, FORCE, BRAKE. The device has no brakes and no watchdog:
-//           BRAKE is torque zero, and the event thread sends zero when the owner's newest command is
-//           20 ms old. Over-speed brakes here too.
+// Exchange  The transport's event thread sends a frame whenever one has come (the device only
+//           answers), with the newest torque there is; sense() and act() touch two lock-free cells
+//           and compute the kinematics: no system call, no allocation, no wait.
+// Delay     A sample is one frame period old when it comes (latency timer, 1 ms); the force
+//           computed from it in between goes with the next frame: two periods, 2.0 ms on the twin
+//           at every phase of the tick. Stated as delay_s = 2.5 ms and part of the limit 0.8 b /
+//           (T/2 + t_d).
+// States    RESET until all three encoders have met their index marks (the hand moves the grip once
+//           out and in; the ring glows red), IDLE, FORCE, BRAKE. The device has no brakes and no
+//           watchdog: BRAKE is torque zero, and the event thread sends zero when the owner's newest
+//           command is 20 ms old. Over-speed brakes here too.
 // Unplug    As the Omega: sense() false, an ordinary thread opens again; forces come with
 //           request_enable() only. One made before the marks are met waits for them.
 //
-// The device's own axes F (drivers/falcon/falcon_kinematics.hpp): x right, y up, z toward the operator;
-// so D = (-z, -x, y) about (0, 0, 125 mm). Directions and torque scale are libnifalcon's, seen on no
-// hardware of ours. One owner thread for sense() and act(); the rest from any.
+// The device's own axes F (drivers/falcon/falcon_kinematics.hpp): x right, y up, z toward the
+// operator; so D = (-z, -x, y) about (0, 0, 125 mm). Directions and torque scale are libnifalcon's,
+// seen on no hardware of ours. One owner thread for sense() and act(); the rest from any.
 #pragma once
 
 #include <array>

@@ -9,9 +9,9 @@
 //          red LED
 //   14     0                                         unknown
 //
-// Source: the published driver libnifalcon (BSD), read for facts; the protocol has no vendor document.
-// One frame out brings one frame in. The framing bytes lie outside the range of the coded ones, so
-// a damaged stream is in step again at the next '<'.
+// Source: the published driver libnifalcon (BSD), read for facts; the protocol has no vendor
+// document. One frame out brings one frame in. The framing bytes lie outside the range of the coded
+// ones, so a damaged stream is in step again at the next '<'.
 #pragma once
 
 #include <array>

@@ -1,10 +1,11 @@
-// Kinematics of the Falcon's delta (R. E. Stamper, A Three Degree of Freedom Parallel Manipulator with
-// Only Translational Degrees of Freedom, 1997), with the dimensions that libnifalcon measured.
+// Kinematics of the Falcon's delta (R. E. Stamper, A Three Degree of Freedom Parallel Manipulator
+// with Only Translational Degrees of Freedom, 1997), with the dimensions that libnifalcon measured.
 //
 // Frame F (Falcon): x to the right, y up, z out of the device toward the operator, origin at the
 // centre of its base. theta: the angles of the three thighs, rad. With phi a leg's direction,
 //   u = x cos phi + y sin phi - r,  v = -x sin phi + y cos phi - s + f,  w = z
-// and the length of the shin seen in the leg's plane L = d + e + sqrt(b^2 - v^2), the leg closes when
+// and the length of the shin seen in the leg's plane L = d + e + sqrt(b^2 - v^2), the leg closes
+// when
 //   (u + c - a cos theta)^2 + (w - a sin theta)^2 = L^2.
 // inverse() solves that in closed form (knee outward); its derivative gives the Jacobian; forward()
 // is Newton on the three angles. SI. No allocation, bounded.

@@ -1,7 +1,7 @@
 // Twin of a Falcon at the wire: the FTDI chip (baud rate, line, modem lines, latency timer, packets
 // with two status bytes), the boot monitor that takes the firmware, and the firmware that answers a
-// frame with a frame; behind it the geometry, encoders with index marks, motors, and the mass, friction
-// and hand of StylusPlant. Time is an argument; one thread.
+// frame with a frame; behind it the geometry, encoders with index marks, motors, and the mass,
+// friction and hand of StylusPlant. Time is an argument; one thread.
 #pragma once
 
 #include <array>
@@ -95,8 +95,8 @@ class FalconTwin {
   bool have_before_ = false;
 };
 
-// The twin as the driver's transport, without a thread: pump() is the event thread, called by whoever
-// moves the time. The blocking calls move the time themselves.
+// The twin as the driver's transport, without a thread: pump() is the event thread, called by
+// whoever moves the time. The blocking calls move the time themselves.
 class FalconTwinTransport final : public FalconTransport {
  public:
   FalconTwinTransport(FalconTwin& twin, std::int64_t& now_ns) : twin_(twin), now_ns_(now_ns) {}

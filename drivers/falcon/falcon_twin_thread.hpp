@@ -1,5 +1,6 @@
-// The Falcon's twin as a transport in real time: an ordinary thread is the USB event thread, four times
-// a millisecond. For runs without hardware; tests move the time themselves (FalconTwinTransport).
+// The Falcon's twin as a transport in real time: an ordinary thread is the USB event thread, four
+// times a millisecond. For runs without hardware; tests move the time themselves
+// (FalconTwinTransport).
 #pragma once
 
 #include <atomic>

@@ -138,8 +138,8 @@ void LibusbFalconTransport::completed(libusb_transfer* transfer) noexcept {
   t.owner->received(t);
 }
 
-// On the event thread. Short packets are normal; NO_DEVICE and a stalled pipe end the session, since
-// neither can be mended from inside a callback.
+// On the event thread. Short packets are normal; NO_DEVICE and a stalled pipe end the session,
+// since neither can be mended from inside a callback.
 void LibusbFalconTransport::received(Transfer& t) noexcept {
   if (!running_.load(std::memory_order_acquire) || lost_) return;
   switch (t.transfer->status) {

@@ -1,5 +1,6 @@
-// The Falcon's transport on libusb-1.0: blocking calls for the start, then three transfers in flight
-// on the way in and one on the way out, all allocated at start(), resubmitted on one event thread.
+// The Falcon's transport on libusb-1.0: blocking calls for the start, then three transfers in
+// flight on the way in and one on the way out, all allocated at start(), resubmitted on one event
+// thread.
 #pragma once
 
 #include <array>
@@ -23,8 +24,8 @@ class LibusbFalconTransport final : public FalconTransport {
   static constexpr std::array<UsbId, 1> kUsbIds{{{0x0403, 0xcb48, "Novint Falcon"}}};
   static constexpr const char* kUdevRule = "config/system/udev/70-teletact-haptic.rules";
 
-  // The first Falcon of the host. `priority` SCHED_FIFO of the event thread, 0: ordinary. The error is
-  // one line: not plugged in, no permission, busy, or what libusb says.
+  // The first Falcon of the host. `priority` SCHED_FIFO of the event thread, 0: ordinary. The error
+  // is one line: not plugged in, no permission, busy, or what libusb says.
   [[nodiscard]] static rt::Result<std::unique_ptr<FalconTransport>> open(int priority);
   ~LibusbFalconTransport() override;
 

@@ -1,8 +1,8 @@
 // Offset between the two boxes' clocks by four-timestamp exchange; the samples with the smallest
 // round trip count, since queueing only ever adds. remote = local + offset.
 //
-// Uncertainty: half the round trip of the sample in use (its asymmetry is not observable), plus what
-// a drift of 200 ppm adds since it was taken.
+// Uncertainty: half the round trip of the sample in use (its asymmetry is not observable), plus
+// what a drift of 200 ppm adds since it was taken.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +28,8 @@ class ClockSync {
     const auto n = std::min<std::uint64_t>(count_, kWindow);
     best_ = samples_[0];
     for (std::size_t i = 1; i < n; ++i) {
-      // Age weighs in through the drift bound: an old sample is worth its round trip plus its drift.
+      // Age weighs in through the drift bound: an old sample is worth its round trip plus its
+      // drift.
       if (cost(samples_[i], t3) < cost(best_, t3)) best_ = samples_[i];
     }
     round_trip_ = rtt;

@@ -1,5 +1,5 @@
-// Shapes a loopback link like a real network: a bottleneck rate, a fixed delay and jitter, in order.
-// An effect: built only when a scene's [link.shape] names it.
+// Shapes a loopback link like a real network: a bottleneck rate, a fixed delay and jitter, in
+// order. An effect: built only when a scene's [link.shape] names it.
 #pragma once
 
 #include <algorithm>

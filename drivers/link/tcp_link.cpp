@@ -355,7 +355,8 @@ void TcpLink::end_session() {
   const auto send = [this](std::span<const std::uint8_t> m) { enqueue(m); };
   const bool refused = state_.load() == State::kFault;
   if (fd_ >= 0 && !cut_.load() && (stop_.load() || refused)) {
-    // A refused side still gets the Hello that waits here: it must be able to name both schemas too.
+    // A refused side still gets the Hello that waits here: it must be able to name both schemas
+    // too.
     if (!refused) endpoint_->send_bye(now_(), send);
     const auto waits = [this] { return road_ ? !road_->empty() : !queue_.empty(); };
     for (int i = 0; i < 200 && waits() && write_due(rt::monotonic_ns()); ++i) {

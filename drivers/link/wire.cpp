@@ -14,8 +14,9 @@ namespace {
 
 constexpr std::uint32_t kWireMagic = 0x31544C54;  // "TLT1"
 
-// Table k: what a byte does to the checksum once k more bytes have followed it. An image is summed at both ends, so
-// eight bytes go in at once (Kounavis and Berry 2005): one at a time this was a fifth of the link's CPU.
+// Table k: what a byte does to the checksum once k more bytes have followed it. An image is summed
+// at both ends, so eight bytes go in at once (Kounavis and Berry 2005): one at a time this was a
+// fifth of the link's CPU.
 constexpr std::size_t kCrcStride = 8;
 constexpr std::array<std::array<std::uint32_t, 256>, kCrcStride> make_crc_tables() {
   std::array<std::array<std::uint32_t, 256>, kCrcStride> tables{};
@@ -48,7 +49,8 @@ std::string schema_of(std::string_view name) {
 
 }  // namespace
 
-// Names, sizes (of what is no double) and order of the fields: old and new refuse each other when one changes.
+// Names, sizes (of what is no double) and order of the fields: old and new refuse each other when
+// one changes.
 std::uint64_t schema_hash(std::string_view pictures) noexcept {
   std::string text = "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;hello:;" +
                      schema_of<ClockRequest>("clock_request") +

@@ -14,7 +14,8 @@ namespace {
 using perception::Vec3;
 
 constexpr std::size_t kMostPackets = 64;
-// Sample rates 200, 100, 80 in a row switch a PS/2 mouse, and the kernel's imitation, to four bytes.
+// Sample rates 200, 100, 80 in a row switch a PS/2 mouse, and the kernel's imitation, to four
+// bytes.
 constexpr std::array<std::uint8_t, 6> kWheelPlease{0xF3, 200, 0xF3, 100, 0xF3, 80};
 
 }  // namespace

@@ -1,12 +1,13 @@
-// A mouse in place of a haptic device: a position at the mouse's own low rate, and no force. The person
-// moves the point to the left and right (D's y), away and back (D's x), with the wheel up and down (z);
-// the left button is the stylus button, the right one the clutch.
+// A mouse in place of a haptic device: a position at the mouse's own low rate, and no force. The
+// person moves the point to the left and right (D's y), away and back (D's x), with the wheel up
+// and down (z); the left button is the stylus button, the right one the clutch.
 //
-// Source    /dev/input/mice with the wheel's protocol (ImPS/2: four bytes a packet, asked for by six
-//           sample-rate bytes), or any source that writes such packets. push() moves it too: the console
-//           feeds it so.
+// Source    /dev/input/mice with the wheel's protocol (ImPS/2: four bytes a packet, asked for by
+//           six sample-rate bytes), or any source that writes such packets. push() moves it too:
+//           the console feeds it so.
 // Real time sense() is one read() that does not wait, of at most 64 packets; act() does nothing.
-// State     FORCE from the first read, so that it touches and marks; its force limit is zero. One owner thread; push() from any one other.
+// State     FORCE from the first read, so that it touches and marks; its force limit is zero. One
+//           owner thread; push() from any one other.
 #pragma once
 
 #include <array>

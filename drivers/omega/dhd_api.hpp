@@ -1,9 +1,9 @@
 // The C functions of a Force Dimension SDK (3.14 or later) that the driver calls, as function types
-// of our own: no vendor header or binary is in the tree. Semantics from the published reference of the
-// interface: 0 is success, -1 an error (its number by get_last_error, per thread), 1 from a read means
-// that the TimeGuard gave the last sample again, 2 from a write that a motor saturates. The device
-// number has no default from C: it must be passed. Device axes: x toward the operator, y to the
-// operator's right, z up (assumed, to be seen on hardware); metres, newtons.
+// of our own: no vendor header or binary is in the tree. Semantics from the published reference of
+// the interface: 0 is success, -1 an error (its number by get_last_error, per thread), 1 from a
+// read means that the TimeGuard gave the last sample again, 2 from a write that a motor saturates.
+// The device number has no default from C: it must be passed. Device axes: x toward the operator, y
+// to the operator's right, z up (assumed, to be seen on hardware); metres, newtons.
 #pragma once
 
 #include <array>

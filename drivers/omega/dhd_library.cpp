@@ -177,7 +177,8 @@ rt::Result<std::unique_ptr<DhdLibrary>> DhdLibrary::load(rt::NonRealtime&,
       library->api_.get_sdk_version(&v.major, &v.minor, &v.release, &v.revision);
       library->path_ = loaded_from(name, reinterpret_cast<void*>(library->api_.get_sdk_version));
       if (v.major != 3 || v.minor < 14) {
-        // An old one in the way of the right one is passed over, and told of when there is no right one.
+        // An old one in the way of the right one is passed over, and told of when there is no right
+        // one.
         const std::string is = library->path_ + " is " + v.text();
         if (wrong.find(is) == std::string::npos) wrong += (wrong.empty() ? "" : ", ") + is;
         continue;

@@ -243,7 +243,8 @@ void OmegaDevice::act(rt::Time, const ForceCommand& command) noexcept {
 }
 
 // The owner's flag stops further commands; the call into the SDK is the minder's, so a caller never
-// waits behind an owner that hangs in there. If the minder hangs too, the controller's watchdog acts.
+// waits behind an owner that hangs in there. If the minder hangs too, the controller's watchdog
+// acts.
 void OmegaDevice::make_safe() noexcept {
   gate_.make_safe();
   stop_asked_.store(true, std::memory_order_release);

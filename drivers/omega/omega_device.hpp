@@ -1,12 +1,12 @@
 // Force Dimension Omega.3 through the vendor's SDK, loaded at run time.
 //
-// Safety    Watchdog of the controller at most 20 ms, read back; its velocity threshold is left on and
-//           must be on; forces start only by request_enable(); the sum of weight and command stays
-//           within the force limit; make_safe() needs nothing from the owner's thread and
+// Safety    Watchdog of the controller at most 20 ms, read back; its velocity threshold is left on
+//           and must be on; forces start only by request_enable(); the sum of weight and command
+//           stays within the force limit; make_safe() needs nothing from the owner's thread and
 //           overtakes a request that the owner has not yet seen (force_gate.hpp).
-// Unplug    After a failed exchange sense() returns false and act() sends nothing; an ordinary thread
-//           closes, and opens again when the device is back. It then reads; forces come back with the
-//           next request_enable(), never by themselves.
+// Unplug    After a failed exchange sense() returns false and act() sends nothing; an ordinary
+//           thread closes, and opens again when the device is back. It then reads; forces come back
+//           with the next request_enable(), never by themselves.
 // Real time sense() is at most four calls into the SDK, act() one. They may block in the SDK (USB);
 //           their time is counted in exchange_times() against its own bound. No allocation of ours.
 // Clock     The device lives in real time: not for the virtual clock.
@@ -73,8 +73,8 @@ struct OmegaCounters {
 
 class OmegaDevice final : public HapticDevice {
  public:
-  // Throws std::runtime_error with one line: SDK not found (every file tried), wrong SDK version, not
-  // plugged in, no permission, not an Omega.3, no watchdog, velocity threshold off.
+  // Throws std::runtime_error with one line: SDK not found (every file tried), wrong SDK version,
+  // not plugged in, no permission, not an Omega.3, no watchdog, velocity threshold off.
   OmegaDevice(rt::NonRealtime&, const OmegaConfig&, const UsbScanner& scan = scan_usb);
   ~OmegaDevice() override;
 

@@ -4,11 +4,12 @@
 //   line       from start_s on with velocity_m_per_s
 //   shuttle    from where it stands by way_m and back, again and again, at speed_m_per_s
 //   swing      sine: amplitude_m and angle_deg (about axis through point_m), every period_s
-//   hinge      turns about axis through point_m at rate_deg_per_s up to angle_deg; with back there and back again
-//   waypoints  by offset_m and turn_deg (about axis through point_m) at at_s; straight on in between, at rest before
-//              the first and after the last
-//   walk       from start_s on, from where it stands through its waypoints at speed_m_per_s, straight on in between;
-//              stands wait_s at each
+//   hinge      turns about axis through point_m at rate_deg_per_s up to angle_deg; with back there
+//              and back again
+//   waypoints  by offset_m and turn_deg (about axis through point_m) at at_s; straight on in
+//              between, at rest before the first and after the last
+//   walk       from start_s on, from where it stands through its waypoints at speed_m_per_s,
+//              straight on in between; stands wait_s at each
 //
 // line, shuttle, swing and hinge stop duration_s after start_s where they are then; 0: never.
 // Before start_s the shape rests at its own pose. A mover that is carried by another one (`on`: for

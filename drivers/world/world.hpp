@@ -64,7 +64,8 @@ class World {
 
   // First shape that the body at (x, y, yaw) touches or overlaps; -1: none. Ground shapes do not
   // count. Exact: box-plane by corners, box-box by separating axes, box-cylinder as rectangle-disc
-  // in the plane times height overlap, box-sphere by distance, box-capsule by the nearest point of the axis.
+  // in the plane times height overlap, box-sphere by distance, box-capsule by the nearest point of
+  // the axis.
   [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,
                                     rt::Time t = kBeginning) const noexcept;
   [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,

@@ -9,8 +9,9 @@
 //          unless the slip effect is named. The base moves with F w, exact on SE(2).
 // Walls    A predicate says whether a base pose collides. A motion that would collide does not
 //          happen: the base stands, its wheels turn on. Each entry is counted once.
-// Effects  slip, wheel_slip, wheel_radius, encoder, dead_time, gear_friction: built only when their config value
-//          is not zero. The slip of a wheel is a function of (seed, wheel, time) and of nothing else.
+// Effects  slip, wheel_slip, wheel_radius, encoder, dead_time, gear_friction: built only when their
+//          config value is not zero. The slip of a wheel is a function of (seed, wheel, time) and
+//          of nothing else.
 // Numbers  masses and inertias: reference data of the youBot description; 0.0335 Nm/A and 1:25.838
 //          of the wheel drives (youbot_driver).
 // One owner (the MotorBus twin); no thread safety, no allocation after construction.

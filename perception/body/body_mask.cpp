@@ -116,7 +116,8 @@ void BodyMask::widen(std::size_t n, int v0, int v1, int u0, int u1) noexcept {
   }
 }
 
-// The outline of a convex hull lies in the hull of the outlines: piece by piece, the box of both its balls' outlines.
+// The outline of a convex hull lies in the hull of the outlines: piece by piece, the box of both
+// its balls' outlines.
 void BodyMask::outline(std::size_t n, const Capsule& c, const Intrinsics& k) noexcept {
   outlines_[n] = {};
   const double r = c.radius;
@@ -126,7 +127,8 @@ void BodyMask::outline(std::size_t n, const Capsule& c, const Intrinsics& k) noe
     double u0 = 1e9, u1 = -1e9, v0 = 1e9, v1 = -1e9;
     for (const int end : {i, i + 1}) {
       const Vec3 p = c.a + (c.b - c.a) * (static_cast<double>(end) / kPieces);
-      // Extent of a ball's outline along an axis: tangents from the lens in the plane of that axis and z.
+      // Extent of a ball's outline along an axis: tangents from the lens in the plane of that axis
+      // and z.
       const double in = p.z() * p.z() - r * r;
       const auto extent = [&](double q, double f, double centre, double& lo, double& hi) {
         const double root = r * std::sqrt(std::max(0.0, q * q + in));

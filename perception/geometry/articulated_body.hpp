@@ -1,10 +1,11 @@
 // A robot as a tree of joints, with the solid shape of each link as capsules. One description
 // (config/robots/*.toml) serves masking, collision, kinematics, twin and console.
 //
-// Frames: B the robot's base (docs/frames.md); L a link's own frame, at its joint. A joint at q puts its link at
+// Frames: B the robot's base (docs/frames.md); L a link's own frame, at its joint. A joint at q
+// puts its link at
 //   X_PL(q) = X_PJ * motion(q - zero)      P the parent link, X_PJ from origin_m and rpy_deg
-// where motion turns about `axis` (revolute), shifts along it (prismatic), or is nothing (fixed). A joint's
-// coordinate is what the robot's driver reports.
+// where motion turns about `axis` (revolute), shifts along it (prismatic), or is nothing (fixed). A
+// joint's coordinate is what the robot's driver reports.
 //
 // A capsule is all points within radius_m of the segment from_m .. to_m, in L. SI, radians.
 #pragma once

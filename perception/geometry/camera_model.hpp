@@ -1,4 +1,5 @@
-// Pinhole camera, pixel centres at integer coordinates, optical frame C: x right, y down, z forward.
+// Pinhole camera, pixel centres at integer coordinates, optical frame C: x right, y down, z
+// forward.
 #pragma once
 
 #include "perception/geometry/pose.hpp"

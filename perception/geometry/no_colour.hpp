@@ -1,5 +1,6 @@
-// Where an image has no colour. A colour camera beside the depth camera does not see every depth pixel (hidden by
-// parallax, outside its image), and what is not known must not be taken for a colour.
+// Where an image has no colour. A colour camera beside the depth camera does not see every depth
+// pixel (hidden by parallax, outside its image), and what is not known must not be taken for a
+// colour.
 //
 // Exactly (0, 0, 0) means no colour. The maker of a frame must lift real black to (1, 1, 1): 0.3 of
 // CIELAB's L, which no sensor resolves. Advantages over a separate mask:

@@ -1,7 +1,7 @@
 // CostMap: what the robot's body may drive over, on the ground plane.
 //
-// Grid frame M: origin at a corner of cell (0,0), x and y along the grid on the fitted ground plane,
-// z up (against gravity). Cell (ix, iy) covers [ix, ix+1) x [iy, iy+1) times resolution.
+// Grid frame M: origin at a corner of cell (0,0), x and y along the grid on the fitted ground
+// plane, z up (against gravity). Cell (ix, iy) covers [ix, ix+1) x [iy, iy+1) times resolution.
 // X_WM places the grid in the world.
 #pragma once
 
@@ -33,8 +33,8 @@ struct CostMap {
       cost{};  // iy * width + ix
   std::array<float, static_cast<std::size_t>(kMaxCells) * kMaxCells>
       height_m{};  // highest surface; NaN unknown
-  // Where something moves, was seen to move last, or is taken to reach to (moving_cells.hpp): kOccupied in `cost`, the
-  // last kInscribed, with the inflation of an obstacle.
+  // Where something moves, was seen to move last, or is taken to reach to (moving_cells.hpp):
+  // kOccupied in `cost`, the last kInscribed, with the inflation of an obstacle.
   static constexpr int kMaxMoving = 2048;
   struct Moving {
     std::uint16_t cell = 0;    // iy * width + ix

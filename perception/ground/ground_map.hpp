@@ -1,37 +1,38 @@
 // Ground and cost map from depth frames: where may the robot's body stand?
 //
-// find     the ground plane is searched in the first claimed frames (ground_plane.hpp). When it is found
-//          the grid frame M is fixed for good: origin so that the robot's start lies in the middle, x
-//          along the world's x (y where x is nearly vertical) projected on the plane, z up. It never
-//          moves, so paths stay valid; slow drift of the tracking against the plane is followed by a
-//          small correction (offset and tilt) that only sorts heights.
+// find     the ground plane is searched in the first claimed frames (ground_plane.hpp). When it is
+//          found the grid frame M is fixed for good: origin so that the robot's start lies in the
+//          middle, x along the world's x (y where x is nearly vertical) projected on the plane, z
+//          up. It never moves, so paths stay valid; slow drift of the tracking against the plane is
+//          followed by a small correction (offset and tilt) that only sorts heights.
 // update   one claimed frame: each point falls into a cell and counts as ground (|height| below
 //          ground_tolerance), obstacle (up to robot_height) or neither (overhead: the robot passes
-//          below; deep below: a hole, counts as an obstacle). Between two points of neighbouring pixel
-//          rows that are of one kind and height the cells count too (at grazing angles rows lie
-//          farther apart than cells). Points count by the area they stand for, (z / f)^2.
+//          below; deep below: a hole, counts as an obstacle). Between two points of neighbouring
+//          pixel rows that are of one kind and height the cells count too (at grazing angles rows
+//          lie farther apart than cells). Points count by the area they stand for, (z / f)^2.
 //          Evidence: an obstacle frame adds, a ground frame takes away, so a moved box is forgotten
-//          after `cap` views of its floor. Where the floor is not in view (a mast before a camera that looks
-//          ahead, a table's far side) a frame takes away too once all that the obstacle was is seen through:
-//          every slice of the cell's column in which one was met (seen_through.cpp). A ray without a reading
-//          sees through nothing.
-// layers   occupied; inscribed within robot_radius of an occupied cell (centre to centre, plus half a
-//          cell: on the safe side); inflation falls linearly to 0 over inflation_m beyond; unknown.
-//          Exact Euclidean distances, capped at robot_radius + inflation_m.
+//          after `cap` views of its floor. Where the floor is not in view (a mast before a camera
+//          that looks ahead, a table's far side) a frame takes away too once all that the obstacle
+//          was is seen through: every slice of the cell's column in which one was met
+//          (seen_through.cpp). A ray without a reading sees through nothing.
+// layers   occupied; inscribed within robot_radius of an occupied cell (centre to centre, plus half
+//          a cell: on the safe side); inflation falls linearly to 0 over inflation_m beyond;
+//          unknown. Exact Euclidean distances, capped at robot_radius + inflation_m.
 //
-// moves    what moves is no part of `update`: it is an obstacle of its own, at once and for a while (moving_cells.hpp).
+// moves    what moves is no part of `update`: it is an obstacle of its own, at once and for a while
+//          (moving_cells.hpp).
 //
 // Virtual obstacles are drawn into the occupied layer; every cell such a shape touches counts.
 //
-// START DISC: a camera on a robot can not see the floor under and just before the robot. The disc of
-// start_radius_m about the robot's start position is declared free ("the robot stands there") when the
-// ground is found; obstacles seen inside it still count. This is an assumption, not an observation:
-// 0 switches it off, and then the robot's own cell is unknown.
+// START DISC: a camera on a robot can not see the floor under and just before the robot. The disc
+// of start_radius_m about the robot's start position is declared free ("the robot stands there")
+// when the ground is found; obstacles seen inside it still count. This is an assumption, not an
+// observation: 0 switches it off, and then the robot's own cell is unknown.
 //
 // An unknown cell is not inflated: the body may overhang unseen ground by its radius.
 //
-// Cost: one pass over the points of pyramid level 1 plus, when the set of occupied cells changed, one
-// distance transform of the whole grid; both bounded by sizes fixed at construction.
+// Cost: one pass over the points of pyramid level 1 plus, when the set of occupied cells changed,
+// one distance transform of the whole grid; both bounded by sizes fixed at construction.
 #pragma once
 
 #include <array>
@@ -96,7 +97,8 @@ struct GroundFrame {
   Intrinsics intrinsics{};
   ImageView<const float> depth_m{};
   Pose X_WC = Pose::Identity();
-  // All readings, those of what moves too: through these a place is seen free. Empty: depth_m has all.
+  // All readings, those of what moves too: through these a place is seen free. Empty: depth_m has
+  // all.
   Intrinsics all_intrinsics{};
   ImageView<const float> all_m{};
 };
@@ -107,7 +109,8 @@ struct GroundPrior {
   Vec3 up_W = Vec3::UnitZ();
   std::optional<double> camera_height_m;
   Vec3 start_W = Vec3::Zero();  // robot's start; centre of grid and start disc
-  // Plan of the robot's own base, where nothing else can move, and the camera on it; empty: not known.
+  // Plan of the robot's own base, where nothing else can move, and the camera on it; empty: not
+  // known.
   std::vector<Eigen::AlignedBox2d> body_B;
   Pose X_BC = Pose::Identity();
 };
@@ -121,13 +124,14 @@ class GroundMap {
   GroundMap(rt::NonRealtime&, const GroundConfig& config, const GroundPrior& prior);
 
   void update(const GroundFrame& frame) noexcept;
-  // What moves in an image, after its update(); and where nothing does, as long as moving() says that something did.
+  // What moves in an image, after its update(); and where nothing does, as long as moving() says
+  // that something did.
   void see_moving(const MovingFrame& frame) noexcept;
   [[nodiscard]] int moving() const noexcept { return moving_.size(); }
   // Replaces the drawn-in obstacles; false (and unchanged) beyond kMaxVirtual.
   bool set_virtual(std::span<const VirtualObstacle> obstacles) noexcept;
-  // The obstacles whose column of the robot's height meets the box are forgotten, not free: unknown until
-  // they are seen again, or the floor is.
+  // The obstacles whose column of the robot's height meets the box are forgotten, not free: unknown
+  // until they are seen again, or the floor is.
   void forget(const Eigen::AlignedBox3d& box_W) noexcept;
   // Fills everything but seq, fused, exposure. What moves is as old as `now` says, and goes by it.
   void write(CostMap& out, rt::Time now = {}) noexcept;

@@ -1,13 +1,13 @@
 // The ground: a robust plane through the points of the first frames, then tracked.
 //
-// Found by RANSAC (Fischler and Bolles 1981) with our own seeded generator, a fixed number of draws,
-// then refined by truncated least squares. Deterministic; fp64 sums in a fixed order.
+// Found by RANSAC (Fischler and Bolles 1981) with our own seeded generator, a fixed number of
+// draws, then refined by truncated least squares. Deterministic; fp64 sums in a fixed order.
 //
-// A plane is accepted as ground when its normal is within up_tolerance_deg of the expected up direction,
-// the camera stands above it at the expected height, enough points lie on it, and few lie below it
-// (the ground is the lowest large plane: a table top is not). The up direction and the height of the
-// camera are optional knowledge; without them up is -y of the first camera (the image is upright) with
-// a wide tolerance.
+// A plane is accepted as ground when its normal is within up_tolerance_deg of the expected up
+// direction, the camera stands above it at the expected height, enough points lie on it, and few
+// lie below it (the ground is the lowest large plane: a table top is not). The up direction and the
+// height of the camera are optional knowledge; without them up is -y of the first camera (the image
+// is upright) with a wide tolerance.
 #pragma once
 
 #include <array>
@@ -53,7 +53,8 @@ struct GroundHint {
 };
 
 // One search in `points` (any frame); `camera` is the camera's position in it, `stream` numbers the
-// search (same points, hint and stream: same plane). Empty when nothing passes. At most 2^20 points.
+// search (same points, hint and stream: same plane). Empty when nothing passes. At most 2^20
+// points.
 [[nodiscard]] std::optional<GroundPlane> find_ground(std::span<const Vec3f> points,
                                                      const Vec3& camera, const GroundHint& hint,
                                                      const GroundPlaneConfig& config,

@@ -26,7 +26,8 @@ struct MovingCells::Eye {
   float cell_m;
   Eigen::Isometry3f X_BM;
 
-  // The pixel that shows a point of M, and its depth in C; false: not in the image. Of a cell on its rim some is in it.
+  // The pixel that shows a point of M, and its depth in C; false: not in the image. Of a cell on
+  // its rim some is in it.
   [[nodiscard]] bool pixel(const Vec3f& p_M, int& u, int& v, float& z) const noexcept {
     const Vec3f q = R_CM * p_M + t_CM;
     z = q.z();

@@ -1,12 +1,15 @@
-// Cells of the ground's grid that something moves in: an obstacle from the image that shows it on, and not for ever.
+// Cells of the ground's grid that something moves in: an obstacle from the image that shows it on,
+// and not for ever.
 //
-// sighted  by the pixels of one image that move (motion_mask.hpp), between the floor and the robot's height, and that
-//          lie on a surface: a lone pixel between two surfaces is none. No evidence is gathered: one image is enough.
-// reaches  a camera sees the front of a thing. What is hidden behind it up to depth_m, away from the camera, is taken
-//          to be of it, as long as it is sighted.
-// goes     when its floor is seen and the lowest height that the thing was met at is seen through, or all heights are; when the ground map
-//          has an obstacle of its own there (it stands); under the robot's own base; and hold_s after its last sight,
-//          by the clock, whether an image comes or not.
+// sighted  by the pixels of one image that move (motion_mask.hpp), between the floor and the
+//          robot's height, and that lie on a surface: a lone pixel between two surfaces is none. No
+//          evidence is gathered: one image is enough.
+// reaches  a camera sees the front of a thing. What is hidden behind it up to depth_m, away from
+//          the camera, is taken to be of it, as long as it is sighted.
+// goes     when its floor is seen and the lowest height that the thing was met at is seen through,
+//          or all heights are; when the ground map has an obstacle of its own there (it stands);
+//          under the robot's own base; and hold_s after its last sight, by the clock, whether an
+//          image comes or not.
 //
 // Sparse: what is not masked costs nothing. Frames: M grid, C camera, B base.
 #pragma once
@@ -73,7 +76,8 @@ class MovingCells {
   // Forgets what was last seen longer than hold_s before `now`. True when there was any.
   bool expire(rt::Time now, std::span<std::uint8_t> drawn) noexcept;
   void write(CostMap& out, rt::Time now) const noexcept;
-  // Nobody saw an obstacle where a thing is only taken to reach: kInscribed, with an obstacle's inflation.
+  // Nobody saw an obstacle where a thing is only taken to reach: kInscribed, with an obstacle's
+  // inflation.
   void soften(CostMap& out, std::span<const std::uint8_t> occupied,
               std::span<const std::uint8_t> drawn) const noexcept;
   void clear(std::span<std::uint8_t> drawn) noexcept;

@@ -11,7 +11,8 @@ namespace perception {
 namespace {
 
 // chosen on: moving 1 odd; judged on: moving 1 even
-// The way to a cell may be seen through in one frame and be hidden in the next: what was seen free must be gone after ten.
+// The way to a cell may be seen through in one frame and be hidden in the next: what was seen free
+// must be gone after ten.
 constexpr int kThroughLoss = 2;
 
 }  // namespace
@@ -22,9 +23,10 @@ std::uint32_t GroundMap::slice_of(float h) const noexcept {
   return 1U << static_cast<unsigned>(std::min(static_cast<int>(h * slices_per_m_), kSlices - 1));
 }
 
-// An occupied cell in which this frame meets neither floor nor obstacle loses evidence when every slice that an obstacle was
-// met in has been seen through since, some of them in this frame: the reading at the slice's middle lies more than a cell
-// beyond it. What is hidden, out of the image or without a reading may still be there.
+// An occupied cell in which this frame meets neither floor nor obstacle loses evidence when every
+// slice that an obstacle was met in has been seen through since, some of them in this frame: the
+// reading at the slice's middle lies more than a cell beyond it. What is hidden, out of the image
+// or without a reading may still be there.
 void GroundMap::look_through(const GroundFrame& frame) noexcept {
   // What stood here may have gone on behind it: what moves is seen through to as well.
   const bool all = frame.all_m.width > 0;

@@ -53,7 +53,8 @@ HWY_INLINE V quads(const float* base, const std::uint32_t* offset) {
 #endif
 }
 
-// The normals and depths of the records at base + offset[lane]: loads of 16 bytes and a 4x4 transpose.
+// The normals and depths of the records at base + offset[lane]: loads of 16 bytes and a 4x4
+// transpose.
 HWY_INLINE V gather(const float* base, const std::uint32_t* offset, V3& n) {
   const DF d;
   const V a0 = quads(base, offset), a1 = quads(base, offset + 1), a2 = quads(base, offset + 2),
@@ -183,7 +184,8 @@ struct RowSums {
   alignas(64) float cross[kCross][kWidth];
 };
 
-// Rows kFirst to kLast - 1 of the upper triangle of H, and of g; with the last row r2 and weight too.
+// Rows kFirst to kLast - 1 of the upper triangle of H, and of g; with the last row r2 and weight
+// too.
 template <int kFirst, int kLast>
 HWY_INLINE void add_rows(const Pairs& s, RowSums& out) {
   const DF df;
@@ -277,7 +279,8 @@ HWY_INLINE void accumulate_rows(const RowsJob& job, LaneSums& out) {
     const std::ptrdiff_t at = v * job.stride;
     const Rows row{job.z + at, job.nx + at, job.ny + at, job.nz + at, job.y_factor[v]};
     Counts counts;
-    // Vectors narrower than the 16 lanes go over the row several times, each time for lanes of their own.
+    // Vectors narrower than the 16 lanes go over the row several times, each time for lanes of
+    // their own.
     for (int first = 0; first < kLanes; first += kWidth) {
       for (auto& s : sums.sums) hn::Store(zero(), df, s);
       for (auto& s : sums.cross) hn::Store(zero(), df, s);
@@ -326,7 +329,8 @@ struct Factors {
 };
 constexpr Factors kFactors;
 
-// Each of four vectors summed up within its blocks of four lanes, (0 + 1) + (2 + 3): lane n of a block is vector n's.
+// Each of four vectors summed up within its blocks of four lanes, (0 + 1) + (2 + 3): lane n of a
+// block is vector n's.
 HWY_INLINE V sum_blocks(V a, V b, V c, V e) {
   const DF d;
   const V t0 = hn::InterleaveLower(d, a, c), t1 = hn::InterleaveLower(d, b, e);

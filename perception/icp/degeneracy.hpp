@@ -4,8 +4,8 @@
 // all by the sum of weights. So an eigenvalue is the mean squared response of a residual to a unit
 // motion of the scene points. A flat wall has three near 0: two slides and the spin about its
 // normal. On the plain sums
-// J_m J_m^T the noise of the normals adds sigma_n^2 to each, so a noisy wall looks constrained; on the
-// cross moment of live and model normals independent noise averages out. A direction counts as
+// J_m J_m^T the noise of the normals adds sigma_n^2 to each, so a noisy wall looks constrained; on
+// the cross moment of live and model normals independent noise averages out. A direction counts as
 // constrained when its cross eigenvalue is at least min_information of the largest.
 #pragma once
 

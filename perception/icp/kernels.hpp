@@ -24,8 +24,8 @@ struct NoiseRule {
   float least_m, per_m2, from_m;
 };
 
-// Some rows of a level against the model. Rows are readable up to the next multiple of 16 pixels, where
-// depth is 0.
+// Some rows of a level against the model. Rows are readable up to the next multiple of 16 pixels,
+// where depth is 0.
 struct RowsJob {
   const float *z, *nx, *ny, *nz;  // live depth and normals, pixel 0 of the first row
   std::ptrdiff_t stride;          // floats from row to row, of all four
@@ -53,8 +53,8 @@ struct LaneSums {
 // Of two squares side by side.
 using SquareSums = float[kLanes / kSquare][kSums];
 
-// Depth step that separates two surfaces at depth z: noise(z) = base + per_m2 z^2 for what should be
-// flat, step(z) = noise(z) + per_m z for neighbours on a slope.
+// Depth step that separates two surfaces at depth z: noise(z) = base + per_m2 z^2 for what should
+// be flat, step(z) = noise(z) + per_m z for neighbours on a slope.
 struct EdgeRule {
   float base, per_m, per_m2;
 };
@@ -66,8 +66,8 @@ struct Kernels {
   // kSquare rows. All in fp32: rows of a column upwards, then the columns as
   // ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)); times `factor`.
   void (*accumulate_squares)(const RowsJob&, float factor, SquareSums&);
-  // out[u] of one row; `in` points at pixel 0 of the row, `stride` floats between rows. What is readable
-  // beyond the row, up to a multiple of 16, is 0; so is what gets written there.
+  // out[u] of one row; `in` points at pixel 0 of the row, `stride` floats between rows. What is
+  // readable beyond the row, up to a multiple of 16, is 0; so is what gets written there.
   void (*bilateral_row)(const float* in, std::ptrdiff_t stride, int width, const float* weight,
                         int radius, const EdgeRule& rule, float* out);
   void (*normal_row)(const float* z, std::ptrdiff_t stride, int width, const float* x_factor,

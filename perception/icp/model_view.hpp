@@ -1,9 +1,10 @@
-// What the tracker aligns a new frame to: one surface point and one normal a pixel, interleaved so that a
-// lookup touches one 16-byte record.
+// What the tracker aligns a new frame to: one surface point and one normal a pixel, interleaved so
+// that a lookup touches one 16-byte record.
 //
-// Record of pixel (u, v): nx, ny, nz, depth (floats, m), row-major, in the frame F of the camera that cast
-// the map. The vertex is the point at that depth that pixel (u, v) of its intrinsics sees. Normals are
-// unit and point towards the camera. No surface: all four are 0. The layout of perception/raycast.
+// Record of pixel (u, v): nx, ny, nz, depth (floats, m), row-major, in the frame F of the camera
+// that cast the map. The vertex is the point at that depth that pixel (u, v) of its intrinsics
+// sees. Normals are unit and point towards the camera. No surface: all four are 0. The layout of
+// perception/raycast.
 #pragma once
 
 #include <cstddef>

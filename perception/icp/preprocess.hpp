@@ -1,11 +1,11 @@
 // From a depth image to what tracking needs: filtered depth, a 3-level pyramid, normals.
 //
-// Every step refuses to mix two surfaces: neighbours count in point-symmetric pairs (so a slanted plane
-// is not biased at its border), only when both differ from the centre by less than the depth edge of the
-// EdgeRule (noise grows with z^2, a slope with the size of a pixel), and a missing reading (0) never
-// counts. Borders are padded with "no reading". Sources: bilateral filter, Tomasi and Manduchi 1998, with
-// a compact range kernel (1 - (d/edge)^2)^2 in place of a Gaussian, so that beyond the edge the weight
-// is exactly 0; pyramid and normals, Newcombe et al., KinectFusion 2011.
+// Every step refuses to mix two surfaces: neighbours count in point-symmetric pairs (so a slanted
+// plane is not biased at its border), only when both differ from the centre by less than the depth
+// edge of the EdgeRule (noise grows with z^2, a slope with the size of a pixel), and a missing
+// reading (0) never counts. Borders are padded with "no reading". Sources: bilateral filter, Tomasi
+// and Manduchi 1998, with a compact range kernel (1 - (d/edge)^2)^2 in place of a Gaussian, so that
+// beyond the edge the weight is exactly 0; pyramid and normals, Newcombe et al., KinectFusion 2011.
 //
 // Same bytes on every instruction set: fixed lane order, no contraction. Nothing here allocates
 // after construction.
@@ -75,8 +75,8 @@ class TrackingPyramid {
   static constexpr int kLevels = 3;
   TrackingPyramid(rt::NonRealtime&, const PreprocessConfig& config, int max_width, int max_height);
 
-  // Fills all levels from a raw image. `pixel_step` 1, 2 or 4: level 0 is the camera that sees every
-  // pixel_step-th pixel (edge-aware half-sampling), level l every pixel_step * 2^l-th.
+  // Fills all levels from a raw image. `pixel_step` 1, 2 or 4: level 0 is the camera that sees
+  // every pixel_step-th pixel (edge-aware half-sampling), level l every pixel_step * 2^l-th.
   void build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics, int pixel_step,
              rt::ForkJoin& crew = rt::serial()) noexcept;
 

@@ -4,7 +4,8 @@
 // pose, coarse to fine (Newcombe et al., KinectFusion, ISMAR 2011, section 3.5). The increment is a
 // left twist xi = (v, w) about the model's centroid in frame F:
 //     q = X_FC p,  r = n_m . (q - v_m),  dr/dxi = [n_m, (q - c) x n_m].
-// fp32 sums inside a row, fp64 sums over rows in fixed order, fp64 solve: same bytes on every machine.
+// fp32 sums inside a row, fp64 sums over rows in fixed order, fp64 solve: same bytes on every
+// machine.
 //
 // Along a direction that the scene does not constrain, the pose keeps the value of the motion prior
 // (solution remapping, Zhang, Kaess, Singh, ICRA 2016). The eigenvalues of the scaled 6x6 cross

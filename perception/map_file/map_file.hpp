@@ -50,8 +50,8 @@ inline constexpr std::uint64_t kMostMapBytes = std::uint64_t{1} << 32U;
                                             const std::string& name);
 [[nodiscard]] rt::Result<MapFile> read_map_file(rt::NonRealtime&, const std::string& path);
 
-// Replaces the content of both. The map's voxel and truncation must be the file's. On an error both are
-// empty.
+// Replaces the content of both. The map's voxel and truncation must be the file's. On an error both
+// are empty.
 [[nodiscard]] rt::Result<bool> restore_map(rt::NonRealtime&, const MapFile& file, TsdfMap& map,
                                            Keyframes& keyframes);
 

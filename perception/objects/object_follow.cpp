@@ -127,8 +127,9 @@ bool ObjectMap::stands_here(const Look& look, const MapObject& object) const noe
   return std::abs(lowest) < kNear_m;
 }
 
-// Is there nothing where the object was when it was last summarised? Looks at 27 points of its box: each
-// must be in view, with a reading behind it. A flat thing never counts as gone: there the votes decide.
+// Is there nothing where the object was when it was last summarised? Looks at 27 points of its box:
+// each must be in view, with a reading behind it. A flat thing never counts as gone: there the
+// votes decide.
 bool ObjectMap::place_is_empty(const Look& look, const MapObject& object) const noexcept {
   const ObjectSummary& s = object.summary;
   if (s.points == 0) return false;

@@ -193,8 +193,8 @@ void ObjectMap::name(MapObject& place, const Vec3& p_W) noexcept {
   stats_.touched = stats_.followed = id;
 }
 
-// Segments at the point and paints the mask. The window is about the point, or about what is known of
-// the object.
+// Segments at the point and paints the mask. The window is about the point, or about what is known
+// of the object.
 bool ObjectMap::touch_at(const Look& look, const Vec3& p_W, std::uint8_t id,
                          const SeedBox& known) noexcept {
   int u = 0, v = 0;

@@ -1,13 +1,13 @@
-// Objects in the map: a touched surface point becomes an object, later frames follow it, and the masks
-// of single frames are fused into the map's labels by vote (perception/segmentation/label_vote.hpp), so
-// that single bad masks do not change it.
+// Objects in the map: a touched surface point becomes an object, later frames follow it, and the
+// masks of single frames are fused into the map's labels by vote
+// (perception/segmentation/label_vote.hpp), so that single bad masks do not change it.
 //
 // Each frame, after it was integrated:
-//   segment()  the label image of the frame. First frames: seed = the touched point, so that a few bad
-//              masks do not hand the object on to a neighbour. Later ones, and when the point is not
-//              seen: seed = the pixels whose reading lies on the object's fused labels. An object
-//              that a person has accepted as boxes (given_object.hpp) is, in its first frames, what
-//              reads within them: nothing is segmented.
+//   segment()  the label image of the frame. First frames: seed = the touched point, so that a few
+//              bad masks do not hand the object on to a neighbour. Later ones, and when the point
+//              is not seen: seed = the pixels whose reading lies on the object's fused labels. An
+//              object that a person has accepted as boxes (given_object.hpp) is, in its first
+//              frames, what reads within them: nothing is segmented.
 //   fuse()     its vote, and what became of the objects.
 //
 // One object is segmented in each frame, in turn. Others on the same support are segmented with it
@@ -126,8 +126,8 @@ class ObjectMap {
                      const GivenObject& given) noexcept;
   void fuse(TsdfMap& map) noexcept;
 
-  // 0 background, an id, or kNoVote; of the last segment(), before fuse() judges it. To be changed by
-  // tests only.
+  // 0 background, an id, or kNoVote; of the last segment(), before fuse() judges it. To be changed
+  // by tests only.
   [[nodiscard]] ImageView<std::uint8_t> label_image() noexcept { return image_.view(); }
   // After fuse(): the id of the object at every step-th pixel of the same frame, 0: none. From the
   // map's labels and the frame's own mask (object_image.cpp). out: (width - 1) / step + 1 pixels
@@ -214,7 +214,8 @@ class ObjectMap {
   Image<std::uint8_t> voting_;   // what of it votes
   Image<std::uint8_t> settled_;  // it with outlines as frames agree on them, while drawn
   OutlineMemory outlines_;
-  // What the map shows, at every 2nd pixel of the scale, round the objects of turns_: an id, kSureOther, or 0.
+  // What the map shows, at every 2nd pixel of the scale, round the objects of turns_: an id,
+  // kSureOther, or 0.
   Image<std::uint8_t> known_;
   SeedBox within_{1 << 20, 1 << 20, -1, -1};  // where it may be set
   std::array<Turn, kMost> turns_{};

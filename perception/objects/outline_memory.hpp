@@ -4,8 +4,8 @@
 // with the surface that it bounds. It moves the outline of a mask by at most one pixel. If mask and
 // mean lie farther apart, the object has moved and the mask stays as it is.
 //
-// Depth of an outline, to carry it: that of the mask's readings next to it, away from depth edges, continued
-// with their slope. Frames: W world, C camera (optical). SI.
+// Depth of an outline, to carry it: that of the mask's readings next to it, away from depth edges,
+// continued with their slope. Frames: W world, C camera (optical). SI.
 #pragma once
 
 #include <array>

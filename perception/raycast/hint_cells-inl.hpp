@@ -165,8 +165,8 @@ struct Corners {
   MF known;
 };
 
-// Two neighbouring words at p[lane] + at of every lane, as the low and the high word of 64 bits; sorted
-// into vectors of low and of high words.
+// Two neighbouring words at p[lane] + at of every lane, as the low and the high word of 64 bits;
+// sorted into vectors of low and of high words.
 HWY_INLINE void load_pairs(const std::int32_t* const* p, std::ptrdiff_t at, VI& low, VI& high) {
 #if HWY_TARGET == HWY_SCALAR
   low = hn::Set(DI(), p[0][at]);

@@ -1,12 +1,12 @@
-// The tracking cast's usual case, many rays at once: live depth is nearly always the surface itself, so a
-// Newton step or two along the ray from there find the crossing.
+// The tracking cast's usual case, many rays at once: live depth is nearly always the surface
+// itself, so a Newton step or two along the ray from there find the crossing.
 //
 // One ray, in grid coordinates relative to `base` (parameter t = depth along the optical axis):
 //   d     = (x a0 + y a1) + a2              voxel_t = 1 / sqrt(d.d)
 //   near  = reach voxel_t                   tried only when first < t - near and t + near < last
-//   at most kNewton times: cell of origin + t d, all eight nodes known; value f, gradient g of the trilinear
-//   interpolant; g.d < 0; t += -f / g.d, to stay within (hint - near - voxel_t / 2, hint + near +
-//   voxel_t / 2); done when the move is below kClose voxels
+//   at most kNewton times: cell of origin + t d, all eight nodes known; value f, gradient g of the
+//   trilinear interpolant; g.d < 0; t += -f / g.d, to stay within (hint - near - voxel_t / 2,
+//   hint + near + voxel_t / 2); done when the move is below kClose voxels
 //   normal R g, facing the camera, or else no surface
 // The same operations in the same order as RayMarcher::quick_root, so the same bytes.
 #pragma once

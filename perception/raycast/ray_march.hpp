@@ -106,8 +106,9 @@ class RayMarcher {
   }
 
   // The usual case: nearest nodes + and - at t0 and t1, a root of the interpolant close to `guess`.
-  // Newton along the ray; taken only when it lands within the bracket (half a voxel wider: nodes are
-  // not on the ray) in a known cell that falls along the ray there. Else crossing() looks closely.
+  // Newton along the ray; taken only when it lands within the bracket (half a voxel wider: nodes
+  // are not on the ray) in a known cell that falls along the ray there. Else crossing() looks
+  // closely.
   bool quick_root(const Ray& r, float t0, float t1, float guess, float close_vox, float& hit_t,
                   MapReader::Cell& cell) noexcept {
     const float low = t0 - 0.5F * r.voxel_t, high = t1 + 0.5F * r.voxel_t;
@@ -174,9 +175,9 @@ class RayMarcher {
     return reader_.cell(node[0], node[1], node[2], f[0], f[1], f[2]);
   }
 
-  // From a point whose block is absent: t where the ray enters the next allocated block (or a little
-  // before), or beyond `end`. Walks from block to block, over absent chunks in one stride. A block owns
-  // the space nearest to its nodes.
+  // From a point whose block is absent: t where the ray enters the next allocated block (or a
+  // little before), or beyond `end`. Walks from block to block, over absent chunks in one stride. A
+  // block owns the space nearest to its nodes.
   [[nodiscard]] float skip(const Ray& r, Int4 node, float t, float end) noexcept {
     if (reader_.chunk_of(node[0] >> 6, node[1] >> 6, node[2] >> 6) == nullptr) {
       const Float4 wall = wall_of(r, node & ~63, 64.0F);
@@ -241,8 +242,9 @@ class RayMarcher {
     return true;
   }
 
-  // Averages the field's noise: of the cell three voxels wide round the hit's own; where that holds an
-  // unknown or clipped node, of differences over one voxel to either side; false where neither is.
+  // Averages the field's noise: of the cell three voxels wide round the hit's own; where that holds
+  // an unknown or clipped node, of differences over one voxel to either side; false where neither
+  // is.
   bool smooth_gradient(const Ray& r, float t, float (&g)[3]) noexcept {
     const Float4 p = origin_ + splat(t) * r.d;
     const Int4 n = floor4(p), node = n + base_;

@@ -213,7 +213,8 @@ class Caster {
     return job;
   }
 
-  // The reference of cast_hints(): one ray after the other, through the map's reader, which counts the steps.
+  // The reference of cast_hints(): one ray after the other, through the map's reader, which counts
+  // the steps.
   TELETACT_CLONES __attribute__((flatten)) HintCount cast_hints_scalar(const HintSpan& s) noexcept {
     HintCount count;
     for (int i = 0; i < s.count; ++i) {
@@ -233,8 +234,8 @@ class Caster {
     return count;
   }
 
-  // First crossing in the depth range of the ray's tile; with a hint (> 0) from 1.1 truncation in front
-  // of it.
+  // First crossing in the depth range of the ray's tile; with a hint (> 0) from 1.1 truncation in
+  // front of it.
   bool cast_full(int u, int v, int tile, float hint, float* record) noexcept {
     const auto at = static_cast<std::size_t>(tile);
     float first = std::max(static_cast<float>(options_.min_depth_m), out_.near_m_[at]);

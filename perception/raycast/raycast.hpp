@@ -1,11 +1,11 @@
-// What a camera at X_WC sees of the map: for each ray the first crossing from outside (+) to inside (-)
-// beyond the least depth, refined on the trilinear field. Unknown nodes are never crossed into a
-// surface: both sides of a crossing are known.
+// What a camera at X_WC sees of the map: for each ray the first crossing from outside (+) to inside
+// (-) beyond the least depth, refined on the trilinear field. Unknown nodes are never crossed into
+// a surface: both sides of a crossing are known.
 //
 // Frame     vertices and normals in the frame C of the casting camera, m; normals unit, towards the
 //           camera.
-// Records   nx, ny, nz, depth a pixel (the layout of perception/icp/model_view.hpp); no surface: all
-//           four are 0.
+// Records   nx, ny, nz, depth a pixel (the layout of perception/icp/model_view.hpp); no surface:
+//           all four are 0.
 // Method    per-tile depth bounds from the blocks in view, absent chunks and blocks skipped whole,
 //           steps by the stored distance, then secant on trilinear values.
 #pragma once
@@ -30,8 +30,8 @@ struct RaycastOptions {
   double max_depth_m = 6.0;
   double min_weight = 1.0;  // observations of every corner used
   bool colour = false;
-  // MapReader::label() of the hit; labelled surfaces are continued to their outlines, in the records too
-  // (raycast_labels.cpp).
+  // MapReader::label() of the hit; labelled surfaces are continued to their outlines, in the
+  // records too (raycast_labels.cpp).
   bool labels = false;
   // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
   // that holds it.
@@ -105,8 +105,8 @@ class RaycastMaps {
   std::vector<float> x_;               // (u - cx) / fx of a column
 };
 
-// `camera` is the full-resolution camera. When the maps are too small for the rays, or the pose is not
-// finite, nothing is cast and stats.rays is 0 (the maps then hold 0 x 0 rays).
+// `camera` is the full-resolution camera. When the maps are too small for the rays, or the pose is
+// not finite, nothing is cast and stats.rays is 0 (the maps then hold 0 x 0 rays).
 RaycastStats raycast(const MapView& map, const Intrinsics& camera, const Pose& X_WC,
                      const RaycastOptions& options, RaycastMaps& out) noexcept;
 

@@ -48,8 +48,8 @@ class Edge {
         inverse_voxel_(1.0 / map.voxel_size()),
         voxels_per_unit_(map.metres_per_unit() / static_cast<float>(map.voxel_size())) {}
 
-  // Does the surface of the object reach to this point of its plane, seen along a ray with this cosine to
-  // its normal? (Distances are stored along the ray.)
+  // Does the surface of the object reach to this point of its plane, seen along a ray with this
+  // cosine to its normal? (Distances are stored along the ray.)
   [[nodiscard]] bool holds(const Vec3& p_W, const Vec3& normal_W, float cosine,
                            std::uint8_t id) noexcept {
     const Vec3 g = p_W * inverse_voxel_;

@@ -1,11 +1,14 @@
-// Views to recognise a place by: small images of depth and brightness with the pose they were taken from.
+// Views to recognise a place by: small images of depth and brightness with the pose they were taken
+// from.
 //
-// Thumbnail  32 x 26 cells over the whole image, whatever its size. Depth as a logarithmic code (one step is
-//            1.2 % of the depth, 0 = no reading), brightness, where there is colour, scaled to a fixed mean and
-//            contrast, so that exposure does not matter. 1.7 KiB a view: 256 of them are 0.5 MiB.
-// Distance   mean over the cells both see of the cut-off absolute differences; tried with small shifts of
-//            the image, since a turn of the camera is a shift. After the small blurry images of Klein and
-//            Murray, "Improving the agility of keyframe-based SLAM", ECCV 2008, section 3.
+// Thumbnail  32 x 26 cells over the whole image, whatever its size. Depth as a logarithmic code
+//            (one step is 1.2 % of the depth, 0 = no reading), brightness, where there is colour,
+//            scaled to a fixed mean and contrast, so that exposure does not matter. 1.7 KiB a view:
+//            256 of them are 0.5 MiB.
+// Distance   mean over the cells both see of the cut-off absolute differences; tried with small
+//            shifts of the image, since a turn of the camera is a shift. After the small blurry
+//            images of Klein and Murray, "Improving the agility of keyframe-based SLAM", ECCV 2008,
+//            section 3.
 //
 // Keyframes only propose places; ICP decides (relocaliser.hpp). Integers throughout: the same on
 // every machine.

@@ -11,7 +11,8 @@ float ObjectGraph::Heights::deviation() const noexcept {
   return std::sqrt(std::max(0.0F, square / n - mean() * mean()));
 }
 
-// Null where no edge is between them. After the last combine(): edges are between regions, and sorted.
+// Null where no edge is between them. After the last combine(): edges are between regions, and
+// sorted.
 ObjectGraph::Between* ObjectGraph::between(int a, int b) noexcept {
   const auto end = edges_.begin() + edge_count_;
   const std::pair wanted(std::min(a, b), std::max(a, b));

@@ -22,8 +22,8 @@ void lab_row(const Rgb* pixels, int count, float* L, float* a, float* b) noexcep
 class LabImage {
  public:
   LabImage(int max_width, int max_height);
-  // Neither allocates; the image must not exceed the constructed size. What a pixel without colour (no_colour.hpp)
-  // holds is void.
+  // Neither allocates; the image must not exceed the constructed size. What a pixel without colour
+  // (no_colour.hpp) holds is void.
   void set(ImageView<const Rgb> rgb) noexcept;
   // Half the size, rounded down; each pixel is the mean of those of 2 x 2 that have colour.
   void set_half(ImageView<const Rgb> rgb) noexcept;

@@ -18,7 +18,8 @@ inline constexpr double kLabXyz[3][3] = {
 // The curve of CIELAB at 0, 1 / kLabCurveSteps, ... 1, and one more; linear between them.
 constexpr int kLabCurveSteps = 4096;
 
-// On the chosen instruction set (perception/simd/isa.hpp); the same operations, so the same bytes, as
+// On the chosen instruction set (perception/simd/isa.hpp); the same operations, so the same bytes,
+// as
 void convert_light(const float* curve, const LabRow& row) noexcept;
 // the reference: one pixel after the other.
 void convert_light_scalar(const float* curve, const LabRow& row) noexcept;

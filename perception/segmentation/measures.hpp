@@ -8,7 +8,8 @@
 //     boundary of one map to the nearest boundary pixel of the other; mean of both directions.
 //
 // A boundary pixel has a non-zero central difference of labels along a row or column (one-sided at
-// the image rim); a map without any takes the rim of the image. PRI and BDE: higher, lower is better.
+// the image rim); a map without any takes the rim of the image. PRI and BDE: higher, lower is
+// better.
 #pragma once
 
 #include <cstdint>

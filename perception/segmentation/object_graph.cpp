@@ -38,7 +38,8 @@ int ObjectGraph::root(int i) noexcept {
 }
 
 // Hypotheses are the planes of the pieces themselves, drawn in a fixed order; each is judged by the
-// area of the pieces that lie on it, less that of those behind it: what carries is not seen through.
+// area of the pieces that lie on it, less that of those behind it: what carries is not seen
+// through.
 SupportPlane ObjectGraph::find_support(const SurfacePatches& patches, const Vec3f& p_touch,
                                        const ObjectGraphConfig& c) noexcept {
   sample_.clear();

@@ -1,15 +1,17 @@
 // Which surface pieces belong to one object: the support plane taken out, pieces merged over
 // boundaries that are neither depth steps nor concave creases.
 //
-// Evidence of a boundary is a mean over the pixel pairs along it, so a few noisy pieces do not decide:
+// Evidence of a boundary is a mean over the pixel pairs along it, so a few noisy pieces do not
+// decide:
 //   step      share of pairs whose points lie apart by more than the noise allows, as seen from the
 //             nearer of both planes
-//   concave   angle between the two planes where they form a valley (Stein et al., CVPR 2014: objects
-//             are convex, valleys lie between them)
+//   concave   angle between the two planes where they form a valley (Stein et al., CVPR 2014:
+//             objects are convex, valleys lie between them)
 //   colour    difference of the regions' mean colours; nothing where one of them has none
-// Merged in rounds, every region with its best neighbour when the choice is mutual. Then the inside of a hollow
-// thing joins its outside, whatever their colours: beyond the near rim it lies lower, all that it hides it hides by
-// its own rim, and both rims are of one height. What stands behind something else shows its sides down to the support.
+// Merged in rounds, every region with its best neighbour when the choice is mutual. Then the inside
+// of a hollow thing joins its outside, whatever their colours: beyond the near rim it lies lower,
+// all that it hides it hides by its own rim, and both rims are of one height. What stands behind
+// something else shows its sides down to the support.
 #pragma once
 
 #include <array>
@@ -45,7 +47,8 @@ struct ObjectGraphConfig {
   float support_tilt_deg = 30;
   int support_draws = 120, support_samples = 500;
   // chosen on: not recorded; judged on: mosd_learn mirrored, turned, with noise, tabletop, ycb_video (docs/segmentation.md)
-  // A hollow thing: how far its rim departs from one height, and its inside lies below it, noise included.
+  // A hollow thing: how far its rim departs from one height, and its inside lies below it, noise
+  // included.
   float rim_m = 0.012F, rim_per_m2 = 0.003F;
   float bottom_share = 0.8F;   // of the outline of its bottom that its inside touches at least
   float rim_share = 0.10F;     // of the inside's outline that the near rim hides at least
@@ -164,8 +167,8 @@ class ObjectGraph {
   std::vector<Edge> edges_;
   std::vector<Region> sums_;
   std::vector<int> parent_, region_;
-  // An edge a region: the first one, while they are collected; the best one. After build() the pieces of the
-  // region asked for.
+  // An edge a region: the first one, while they are collected; the best one. After build() the
+  // pieces of the region asked for.
   std::vector<int> best_;
   std::vector<int> next_;  // edge of the same first piece
   std::vector<std::uint8_t> support_;

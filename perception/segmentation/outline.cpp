@@ -5,7 +5,8 @@
 
 #include "perception/geometry/no_colour.hpp"
 
-// No turn of the loop reads what another writes; clang does not know the pragma and does not need it.
+// No turn of the loop reads what another writes; clang does not know the pragma and does not need
+// it.
 #if defined(__clang__)
 #define TELETACT_IVDEP
 #else
@@ -128,7 +129,8 @@ void OutlineRefiner::distances(std::span<const std::uint8_t> inside, const Half&
   }
 }
 
-// The flood compares colours of open pixels and of those beside them; smoothing looks one pixel farther.
+// The flood compares colours of open pixels and of those beside them; smoothing looks one pixel
+// farther.
 void OutlineRefiner::find_wanted(const Half& half) noexcept {
   const int w = half.width, h = half.height;
   std::fill_n(wanted_.begin(), w * h, std::uint8_t{0});
@@ -151,8 +153,9 @@ bool OutlineRefiner::find_lacking(ImageView<const Rgb> rgb) noexcept {
   return any;
 }
 
-// Colours, smoothed by 1-2-1 in both directions so that sensor noise makes no ridges. At the ends of a run
-// of wanted pixels the mean is one-sided: nothing looks there. It is beside pixels without colour, too.
+// Colours, smoothed by 1-2-1 in both directions so that sensor noise makes no ridges. At the ends
+// of a run of wanted pixels the mean is one-sided: nothing looks there. It is beside pixels without
+// colour, too.
 template <bool kLacking>
 void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcept {
   const int w = box_.width, h = box_.height;
@@ -237,8 +240,9 @@ int OutlineRefiner::cost(int i, int j, const OutlineConfig& c) const noexcept {
   return std::min(kLevels - 1, static_cast<int>(d * 4));
 }
 
-// Flooding by priority: of all pixels next to a flooded one, the one behind the lowest pass is taken
-// next, first come first served within a level. Each pixel waits once, for its lowest pass so far.
+// Flooding by priority: of all pixels next to a flooded one, the one behind the lowest pass is
+// taken next, first come first served within a level. Each pixel waits once, for its lowest pass so
+// far.
 void OutlineRefiner::flood(const OutlineConfig& c) noexcept {
   const int w = box_.width, n = w * box_.height;
   int first[kLevels], last[kLevels];
@@ -333,8 +337,8 @@ void OutlineRefiner::refine(ImageView<const Rgb> rgb, ImageView<const std::uint1
   for (int i = 0; i < config.grow_px; ++i) grow(patches, plane, graph, inside, config);
 }
 
-// Depth images draw objects a little fatter than colour does, or shifted. A pixel next to the object
-// that depth gives to it, well above the support and without a step, is taken in.
+// Depth images draw objects a little fatter than colour does, or shifted. A pixel next to the
+// object that depth gives to it, well above the support and without a step, is taken in.
 void OutlineRefiner::grow(const SurfacePatches& patches, const SupportPlane& plane,
                           const ObjectGraphConfig& graph, std::span<const std::uint8_t> inside,
                           const OutlineConfig& c) noexcept {

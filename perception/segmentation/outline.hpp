@@ -1,9 +1,9 @@
-// The outline of an object at full resolution. A band round the half-resolution outline is left open
-// and flooded from both sides, sure object and sure rest, over the colour differences and depth steps
-// between neighbouring pixels (watershed by flooding: Meyer 1994): the two floods meet on the highest
-// ridge, be it of colour or of depth. Pixels of the object close to the support stay open too, since
-// there depth says little and colour has to. Between two pixels of which one has no colour (no_colour.hpp) there
-// is only the depth step.
+// The outline of an object at full resolution. A band round the half-resolution outline is left
+// open and flooded from both sides, sure object and sure rest, over the colour differences and
+// depth steps between neighbouring pixels (watershed by flooding: Meyer 1994): the two floods meet
+// on the highest ridge, be it of colour or of depth. Pixels of the object close to the support stay
+// open too, since there depth says little and colour has to. Between two pixels of which one has no
+// colour (no_colour.hpp) there is only the depth step.
 #pragma once
 
 #include <array>
@@ -31,8 +31,8 @@ class OutlineRefiner {
  public:
   OutlineRefiner(int max_width, int max_height);
 
-  // `inside` marks the object at half resolution (1 byte a pixel of the patches' window). The touched
-  // pixel (full resolution, in the window) stays in. Does not allocate.
+  // `inside` marks the object at half resolution (1 byte a pixel of the patches' window). The
+  // touched pixel (full resolution, in the window) stays in. Does not allocate.
   void refine(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, float mm_per_unit,
               const SurfacePatches& patches, const SupportPlane& plane,
               const ObjectGraphConfig& graph, std::span<const std::uint8_t> inside, int touch_u,

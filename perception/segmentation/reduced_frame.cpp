@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kPixelsAtOnce = 64;  // pixels
 
-// Pixels u to u + n - 1 of row v of the reduced image. Sums down the columns first: they go by whole vectors.
+// Pixels u to u + n - 1 of row v of the reduced image. Sums down the columns first: they go by
+// whole vectors.
 template <int kScale>
 void mean_row(ImageView<const Rgb> rgb, int u, int v, int n, Rgb* out) noexcept {
   static_assert(sizeof(Rgb) == 3);

@@ -2,13 +2,14 @@
 //
 //   d(x) = |I(x) - I(S)| + (m / g) |P(x) - P(S)|
 //
-// I in CIELAB; P the point in the camera frame in mm (g in mm), or the pixel (g in pixels) where there
-// is no depth; I(S), P(S) means over the region so far. 4-neighbours, the nearest first, added while
-// d <= threshold. A waiting pixel's d is brought up to date when it comes first, and every one's
-// before growing ends, so no pixel joins that the means of the moment refuse, and none next to the region
-// is left out that they accept; equal d goes by pixel index. With depth, pixels without colour (no_colour.hpp) join by
-// place alone, and I(S) is the mean of those that have one; without depth black is a colour like any other, for there
-// is nothing else to go by. Same input, same bytes.
+// I in CIELAB; P the point in the camera frame in mm (g in mm), or the pixel (g in pixels) where
+// there is no depth; I(S), P(S) means over the region so far. 4-neighbours, the nearest first,
+// added while d <= threshold. A waiting pixel's d is brought up to date when it comes first, and
+// every one's before growing ends, so no pixel joins that the means of the moment refuse, and none
+// next to the region is left out that they accept; equal d goes by pixel index. With depth, pixels
+// without colour (no_colour.hpp) join by place alone, and I(S) is the mean of those that have one;
+// without depth black is a colour like any other, for there is nothing else to go by. Same input,
+// same bytes.
 #pragma once
 
 #include <cstdint>
@@ -45,9 +46,9 @@ class RegionGrower {
  public:
   RegionGrower(int max_width, int max_height);
 
-  // Grows from `seed` (pixel index). With `points` only pixels with a reading join, and a seed without
-  // one takes the place of the nearest pixel that has it. Returns the number of pixels; 0 when there
-  // is no reading at all. Does not allocate.
+  // Grows from `seed` (pixel index). With `points` only pixels with a reading join, and a seed
+  // without one takes the place of the nearest pixel that has it. Returns the number of pixels; 0
+  // when there is no reading at all. Does not allocate.
   [[nodiscard]] int grow(const LabImage& lab, const PointImage* points, int seed,
                          const GrowConfig& config) noexcept;
 

@@ -205,8 +205,8 @@ class Merger {
       merge(p.a, p.b);
     }
   }
-  // Each region below `min_pixels`, smallest first, joins the neighbour it differs least from; so does a strip that is
-  // no more than the blurred border of two others.
+  // Each region below `min_pixels`, smallest first, joins the neighbour it differs least from; so
+  // does a strip that is no more than the blurred border of two others.
   void absorb(double min_pixels) {
     for (;;) {
       int smallest = -1;

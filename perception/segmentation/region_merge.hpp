@@ -1,13 +1,13 @@
-// Segmentation of a whole image without depth: superpixels merged, two neighbours at a time, the least
-// different pair first, until no pair is alike enough.
+// Segmentation of a whole image without depth: superpixels merged, two neighbours at a time, the
+// least different pair first, until no pair is alike enough.
 //
 // Two neighbours differ by what lies on both sides and by what lies between:
 //   region    distance of their histograms of L, a, b and local contrast (1-D earth mover's, in Lab
 //             units), so that two textures of the same mean differ, and grain within one does not
-//   boundary  mean over the common boundary of a two-sided test: difference of the means of boxes at
-//             both sides over the spread within them, at three sizes
-// Small regions merge more readily (Ward's factor to a power). Fixed order, fp64 weights: same image,
-// same bytes. Sets up its own memory: not for a real-time step.
+//   boundary  mean over the common boundary of a two-sided test: difference of the means of boxes
+//             at both sides over the spread within them, at three sizes
+// Small regions merge more readily (Ward's factor to a power). Fixed order, fp64 weights: same
+// image, same bytes. Sets up its own memory: not for a real-time step.
 #pragma once
 
 #include <cstdint>

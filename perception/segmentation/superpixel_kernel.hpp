@@ -1,4 +1,5 @@
-// The inner loop of the superpixels: one seed tried on the pixels of its window. A pixel keeps the seed with
+// The inner loop of the superpixels: one seed tried on the pixels of its window. A pixel keeps the
+// seed with
 // the least d = |I(x) - I(S)| + beta |P(x) - P(S)|, of equals the one that came first. Where the pixel or the seed
 // has no colour the first three planes are left out of |I(x) - I(S)|.
 #pragma once
@@ -24,7 +25,8 @@ struct SeedWindow {
   std::int32_t* nearest;
 };
 
-// On the chosen instruction set (perception/simd/isa.hpp); the same operations, so the same bytes, as
+// On the chosen instruction set (perception/simd/isa.hpp); the same operations, so the same bytes,
+// as
 void try_seed(const SeedWindow& window) noexcept;
 // the reference: one pixel after the other.
 void try_seed_scalar(const SeedWindow& window) noexcept;

@@ -14,8 +14,8 @@ constexpr int kSeedSums = Superpixels::kMaxPlanes + 4;  // planes, u, v, count, 
 constexpr std::size_t kColours = 3;                     // planes
 constexpr int kMinSpacing = 3;
 
-// One row into the sums of its seeds, run by run of pixels with the same one: a sum is fetched and put back
-// once a run.
+// One row into the sums of its seeds, run by run of pixels with the same one: a sum is fetched and
+// put back once a run.
 template <std::size_t N, bool kAllKnown>
 void add_row(std::span<const float* const> planes, const float* known, const std::int32_t* nearest,
              int v, int width, double* sums) noexcept {

@@ -24,8 +24,9 @@ class Superpixels {
   Superpixels(int max_width, int max_height);
 
   // Planes of width x height (Lab, and any further one in its scale). Afterwards labels() are
-  // 0..count()-1 in raster order of each one's first pixel, each one 4-connected. Does not allocate.
-  // known: 0 where the first three planes say nothing, else 1; nullptr: they say something everywhere.
+  // 0..count()-1 in raster order of each one's first pixel, each one 4-connected. Does not
+  // allocate. known: 0 where the first three planes say nothing, else 1; nullptr: they say
+  // something everywhere.
   void run(std::span<const float* const> planes, int width, int height,
            const SuperpixelConfig& config, const float* known = nullptr) noexcept;
 

@@ -1,9 +1,9 @@
 // One RGB-D frame, or a window of it, as small surface pieces: half-resolution colour and points,
 // superpixels over colour and inverse depth, a plane through each.
 //
-// A plane is linear in inverse depth: 1/z = w . (x, y, 1) with (x, y) the normalised image point and
-// w = n / d for the plane n . p = d, so each piece takes one 3 x 3 least-squares solve, in the quantity
-// whose noise is even over the image for a triangulating sensor.
+// A plane is linear in inverse depth: 1/z = w . (x, y, 1) with (x, y) the normalised image point
+// and w = n / d for the plane n . p = d, so each piece takes one 3 x 3 least-squares solve, in the
+// quantity whose noise is even over the image for a triangulating sensor.
 #pragma once
 
 #include <cstdint>

@@ -64,8 +64,8 @@ TouchSegmenter::Colour TouchSegmenter::colour_near(int u, int v) const noexcept 
   return {{sum.L / n, sum.a / n, sum.b / n}, true};
 }
 
-// Among the pixels round (u, v) that belong to a region: least of distance plus difference of colour, of distance
-// alone where one has none.
+// Among the pixels round (u, v) that belong to a region: least of distance plus difference of
+// colour, of distance alone where one has none.
 int TouchSegmenter::nearest_region(int u, int v) const noexcept {
   constexpr int kReach = 12;
   const int w = patches_.window().width, h = patches_.window().height;

@@ -1,13 +1,14 @@
-// From a touch to an object, method `default`: surface pieces of the frame (surface_patches.hpp), the
-// support taken out and the pieces joined (object_graph.hpp), the outline at full resolution
+// From a touch to an object, method `default`: surface pieces of the frame (surface_patches.hpp),
+// the support taken out and the pieces joined (object_graph.hpp), the outline at full resolution
 // (outline.hpp). What the touch names, beyond the region it hits:
 //   - on a hole of the depth, or a piece too small for a plane: the nearest region of like colour
 //   - on the support, but of another colour: a flat thing, grown by colour
 //   - on the support: the support
 //   - where there is no colour (no_colour.hpp): what distance alone names
 //   - parts of one object at both sides of an occluder belong together
-// set_frame() once a frame, then touch() for each object; or follow() for one and also() for others in
-// its window: pieces and regions are made once for all of them. None of them allocates or throws.
+// set_frame() once a frame, then touch() for each object; or follow() for one and also() for others
+// in its window: pieces and regions are made once for all of them. None of them allocates or
+// throws.
 #pragma once
 
 #include <cstdint>
@@ -41,8 +42,8 @@ class TouchSegmenter {
   void set_frame(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
                  const Intrinsics& k, float mm_per_unit, const HalfWindow& window) noexcept;
 
-  // The object at pixel (u, v) of the full image. False, with a mask of that pixel alone, when there
-  // is no depth near it.
+  // The object at pixel (u, v) of the full image. False, with a mask of that pixel alone, when
+  // there is no depth near it.
   bool touch(int u, int v) noexcept;
   // The same with other settings of regions and outline than the configuration's. Further pixels,
   // if any: the regions of those that are the object's (of_object) belong to it, and it ends where
@@ -59,15 +60,15 @@ class TouchSegmenter {
     std::uint8_t id = 0;                    // what has this value; 0: what is not 0
     int step = 1;  // pixels of `image` to one of the colour image, which may be a reduced one
   };
-  // The object that covers the seed, in a window round it; it takes the place of set_frame(). False when no
-  // region is covered.
+  // The object that covers the seed, in a window round it; it takes the place of set_frame(). False
+  // when no region is covered.
   bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
               float mm_per_unit, ImageView<const std::uint8_t> seed) noexcept;
   // The same for whoever knows the pixels that hold all of the seed; the box may be larger.
   bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
               float mm_per_unit, const Seed& seed, const SeedBox& box) noexcept;
-  // After a follow() that found its object: another one that stands on the same support, in the same
-  // window.
+  // After a follow() that found its object: another one that stands on the same support, in the
+  // same window.
   bool also(const Seed& seed) noexcept;
 
   // Of the last touch() or follow().

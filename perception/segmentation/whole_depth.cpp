@@ -29,7 +29,8 @@ struct Size {
   }
 };
 
-// Region of each pixel: of the pieces joined over depth, from 0; where there is none of colour, below 0.
+// Region of each pixel: of the pieces joined over depth, from 0; where there is none of colour,
+// below 0.
 Keys join(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
           float mm_per_unit, const WholeDepthConfig& c) {
   SurfacePatches patches(rgb.width, rgb.height);

@@ -1,10 +1,11 @@
-// Segmentation of a whole image with depth: every thing, what it stands on, and where depth is missing the regions
-// of colour (region_merge.hpp).
+// Segmentation of a whole image with depth: every thing, what it stands on, and where depth is
+// missing the regions of colour (region_merge.hpp).
 //
-// The pieces of the frame (surface_patches.hpp) are joined as for a touch (object_graph.hpp): the support that most of
-// the surface lies on is taken out as one region, depth steps and valleys part the rest. Pixels near a border then go
-// to the region whose readings and colours, where there are any, round them are the most alike, at full resolution. Each 4-connected part
-// is a region of its own; one below min_share joins the neighbour it has the longest border with. Fixed order: same
+// The pieces of the frame (surface_patches.hpp) are joined as for a touch (object_graph.hpp): the
+// support that most of the surface lies on is taken out as one region, depth steps and valleys part
+// the rest. Pixels near a border then go to the region whose readings and colours, where there are
+// any, round them are the most alike, at full resolution. Each 4-connected part is a region of its
+// own; one below min_share joins the neighbour it has the longest border with. Fixed order: same
 // input, same bytes. Sets up its own memory: not for a real-time step.
 #pragma once
 
@@ -27,8 +28,8 @@ struct WholeDepthConfig {
   double min_share = 0.002;  // of the image
 };
 
-// Depth in units of mm_per_unit, of the colour image's size; 0 and 65535 are no reading. Labels as of
-// segment_whole(rgb).
+// Depth in units of mm_per_unit, of the colour image's size; 0 and 65535 are no reading. Labels as
+// of segment_whole(rgb).
 [[nodiscard]] WholeImage segment_whole(ImageView<const Rgb> rgb,
                                        ImageView<const std::uint16_t> depth, const Intrinsics& k,
                                        float mm_per_unit, const WholeDepthConfig& config);

@@ -1,6 +1,6 @@
 // Hot leaf loops are compiled once per instruction set and chosen at load time. Without contraction
-// (-ffp-contract=off) every clone gives the same bytes. Off under sanitizers: their run-time is not up
-// yet when the loader picks a clone.
+// (-ffp-contract=off) every clone gives the same bytes. Off under sanitizers: their run-time is not
+// up yet when the loader picks a clone.
 #pragma once
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \

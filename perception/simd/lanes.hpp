@@ -1,5 +1,6 @@
-// Four floats or integers at once, by the compiler's vector types (SSE2 on x86-64, NEON on AArch64).
-// Each lane is an ordinary IEEE operation, so results do not depend on the instruction set.
+// Four floats or integers at once, by the compiler's vector types (SSE2 on x86-64, NEON on
+// AArch64). Each lane is an ordinary IEEE operation, so results do not depend on the instruction
+// set.
 #pragma once
 
 #include <cstdint>

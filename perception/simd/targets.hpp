@@ -1,5 +1,5 @@
-// What the kernels are compiled for; included before any header of highway. One version each of 4, 8 and
-// 16 lanes; the others highway knows differ in nothing that is used here.
+// What the kernels are compiled for; included before any header of highway. One version each of 4,
+// 8 and 16 lanes; the others highway knows differ in nothing that is used here.
 #pragma once
 
 #ifndef HWY_DISABLED_TARGETS

@@ -1,9 +1,11 @@
 // The fused scene: a sparse truncated signed distance field (Curless and Levoy 1996; Newcombe et
-// al., KinectFusion, 2011; Niessner et al., voxel hashing, 2013), with colour, labels and free space.
+// al., KinectFusion, 2011; Niessner et al., voxel hashing, 2013), with colour, labels and free
+// space.
 //
 // TsdfMap owns the parts and calls them in order:
 //
-//   blocks/     what is stored: layout of grid, voxel and chunk; pools of blocks and of labels; what readers see (MapView)
+//   blocks/     what is stored: layout of grid, voxel and chunk; pools of blocks and of labels;
+//               what readers see (MapView)
 //   image/      the frame: depth pyramid, camera, boxes in its image
 //   kernels/    the inner loops of update and votes, one block at a time
 //   integrate/  a frame into the map: allocation, update, free space; decay
@@ -77,12 +79,12 @@ class TsdfMap : public MapView {
 
   // Forgets everything; map_id() changes.
   void clear() noexcept;
-  // Voxels, colour, labels and free space of the nodes in the closed box become unknown; blocks left
-  // without any weight go back to the pool. What is put away and reaches into the box comes back
-  // for it; without room in the pool it is forgotten whole.
+  // Voxels, colour, labels and free space of the nodes in the closed box become unknown; blocks
+  // left without any weight go back to the pool. What is put away and reaches into the box comes
+  // back for it; without room in the pool it is forgotten whole.
   void clear_region(const Eigen::AlignedBox3d& box_W) noexcept;
-  // Once a frame, dt_s after the one before: every weight falls with decay_half_life_s, a kDecayRound-th
-  // of the blocks a call. A voxel below a quarter observation becomes unknown.
+  // Once a frame, dt_s after the one before: every weight falls with decay_half_life_s, a
+  // kDecayRound-th of the blocks a call. A voxel below a quarter observation becomes unknown.
   static constexpr int kDecayRound = WeightDecay::kRound;
   void decay(double dt_s) noexcept { decay_.step(dt_s); }
 
@@ -114,7 +116,8 @@ class TsdfMap : public MapView {
   }
 
   [[nodiscard]] std::size_t memory_bytes() const noexcept;  // held, whether in use or not
-  // Of all stored words, colours, labels and free bits, in allocation order, and of what is put away.
+  // Of all stored words, colours, labels and free bits, in allocation order, and of what is put
+  // away.
   [[nodiscard]] std::uint64_t checksum() const noexcept;
 
  private:

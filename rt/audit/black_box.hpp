@@ -6,12 +6,12 @@
 // mutex.
 //
 // File, of this machine's layout:
-//   0         text: "teletact-blackbox 1 <sizeof JobRecord> <sizeof SentinelRecord> <window ns> <ring bytes>",
-//             the lines of a run file's header, an empty line; zeros follow
+//   0         text: "teletact-blackbox 1 <sizeof JobRecord> <sizeof SentinelRecord> <window ns>
+//             <ring bytes>", the lines of a run file's header, an empty line; zeros follow
 //   kStopAt   text: why the run stopped; empty: the process ended without a message
 //   kRingAt   records, each at a multiple of 8 and never over the end: Head, payload
-// A record is valid when its check fits; a reader takes every valid one and orders them by number. So a
-// torn record, and the one it was written over, are left out, and nothing else.
+// A record is valid when its check fits; a reader takes every valid one and orders them by number.
+// So a torn record, and the one it was written over, are left out, and nothing else.
 //   'J' JobRecord   'S' SentinelRecord   others: defined by their writer
 #pragma once
 
@@ -74,8 +74,8 @@ class BlackBoxWriter {
   std::mutex mutex_;
 };
 
-// Bytes of a ring that holds `window` of everything the tasks of `header` and the sentinels of their
-// cores produce, and of `more_per_s` bytes a second besides; a quarter is added.
+// Bytes of a ring that holds `window` of everything the tasks of `header` and the sentinels of
+// their cores produce, and of `more_per_s` bytes a second besides; a quarter is added.
 [[nodiscard]] std::size_t black_box_size(const RunLog& header, Nanos window, double more_per_s);
 
 struct BlackBox {

@@ -1,7 +1,7 @@
 // A run's log on disk: written while the run goes on, readable after a kill at any moment.
 //
-// Text header, one line a task, ended by an empty line; then tagged binary records of this machine's
-// layout, in the order they were drained:  'J' JobRecord   'S' SentinelRecord
+// Text header, one line a task, ended by an empty line; then tagged binary records of this
+// machine's layout, in the order they were drained:  'J' JobRecord   'S' SentinelRecord
 //   teletact-run 3 <sizeof JobRecord> <sizeof SentinelRecord>
 //   task <id> <name> <box> <class> <num> <den> <deadline ns> <policy> <core> <priority> <level>
 //        <work min> <work max> <budget ns of level 0> <level 1> ...
@@ -45,8 +45,8 @@ class RunFileWriter {
   std::unique_ptr<std::FILE, Close> file_;
 };
 
-// The header's lines after the first, without the empty one; and one of them back into the log (false:
-// not one of ours). For files that carry the same header (black_box.hpp).
+// The header's lines after the first, without the empty one; and one of them back into the log
+// (false: not one of ours). For files that carry the same header (black_box.hpp).
 [[nodiscard]] std::string run_header_lines(const RunLog& header);
 [[nodiscard]] bool parse_run_header_line(const std::string& line, RunLog& log);
 // In order of k within each task.

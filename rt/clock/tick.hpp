@@ -10,8 +10,9 @@
 
 namespace rt {
 
-// Polled by long steps at least every 1 ms. The virtual executor sets it when the job's cost does not
-// fit before its deadline; the real one arms it with the deadline, so a poll costs one clock read.
+// Polled by long steps at least every 1 ms. The virtual executor sets it when the job's cost does
+// not fit before its deadline; the real one arms it with the deadline, so a poll costs one clock
+// read.
 class CancelToken {
  public:
   void request() noexcept { requested_.store(true, std::memory_order_relaxed); }

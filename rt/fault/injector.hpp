@@ -1,6 +1,6 @@
-// What a fault plan does to one job. Two policies with one shape: Plain knows no faults and compiles
-// to nothing, Planned asks the plan. Both executors are built with each; the choice falls at start.
-// A build with TELETACT_FAULTS=OFF has no executor for Planned.
+// What a fault plan does to one job. Two policies with one shape: Plain knows no faults and
+// compiles to nothing, Planned asks the plan. Both executors are built with each; the choice falls
+// at start. A build with TELETACT_FAULTS=OFF has no executor for Planned.
 #pragma once
 
 #include <cstdint>

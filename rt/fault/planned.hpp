@@ -42,8 +42,8 @@ class Planned {
   bool spans_ = false;
 };
 
-// Calls run(policy) with the plan's policy, or with Plain when there is no plan or none can be run in
-// this build (the caller has refused it before).
+// Calls run(policy) with the plan's policy, or with Plain when there is no plan or none can be run
+// in this build (the caller has refused it before).
 template <class Run>
 void with_faults(const FaultPlan* plan, const std::vector<std::string>& names, const Run& run) {
   if constexpr (kFaultsBuilt) {

@@ -1,4 +1,5 @@
-// One field list a message: what a run's hash, ageing, a fault plan and the wire need to know of it is said once.
+// One field list a message: what a run's hash, ageing, a fault plan and the wire need to know of it
+// is said once.
 //
 //     template <>
 //     struct rt::Fields<Mode> {
@@ -6,8 +7,9 @@
 //     };
 //     static_assert(rt::lists_every_field<Mode>());
 //
-// The order of the list is the order on the wire and in a hash. A field that is added to a struct and not to its list
-// does not compile. What a list can not say (arrays of which a part is in use) is `kApart`: the number of such fields.
+// The order of the list is the order on the wire and in a hash. A field that is added to a struct
+// and not to its list does not compile. What a list can not say (arrays of which a part is in use)
+// is `kApart`: the number of such fields.
 #pragma once
 
 #include <cstddef>

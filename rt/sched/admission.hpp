@@ -13,12 +13,14 @@
 //      the one in which the later task steps down. The first combination that fits, at any levels,
 //      is taken. A choice that is ruled out is skipped and named. If the last one (the floor) does
 //      not fit either, the request is refused.
-//   5. Within a combination all tasks start at level 0. While the set does not fit, one task is lowered
-//      by one level: the next entry of `degrade_order`, or, if that list is empty, the task with the
-//      largest utilisation (a step then costs the smallest relative loss per freed CPU; ties: firm
-//      before hard, then registration). Steps that turn out not to be needed are taken back, last first.
+//   5. Within a combination all tasks start at level 0. While the set does not fit, one task is
+//      lowered by one level: the next entry of `degrade_order`, or, if that list is empty, the task
+//      with the largest utilisation (a step then costs the smallest relative loss per freed CPU;
+//      ties: firm before hard, then registration). Steps that turn out not to be needed are taken
+//      back, last first.
 //   6. Pool workers (task_spec.hpp) stand on another core than their parent and each other; their
-//      level is the parent's. Release jitter and join wait are iterated to a fixed point over all cores.
+//      level is the parent's. Release jitter and join wait are iterated to a fixed point over all
+//      cores.
 // Same input, same answer. Other modes: mode_table.hpp.
 #pragma once
 
@@ -46,8 +48,8 @@ enum class PlatformWakes : std::uint8_t {
   kOnceABox,  // a watchdog: at its rate, on the CPU with the highest number that has a task of its box
 };
 
-// Runs above every task. Each box is a process of its own, with sentinels and a watchdog of its own,
-// also where the boxes share a core.
+// Runs above every task. Each box is a process of its own, with sentinels and a watchdog of its
+// own, also where the boxes share a core.
 struct PlatformTask {
   TaskSpec spec;
   int priority = kSentinelPriority;

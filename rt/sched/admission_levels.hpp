@@ -1,5 +1,5 @@
-// Inside of admission: a request whose static choices are settled (admission.cpp), called once for each
-// combination that admit() tries (static_choice.cpp).
+// Inside of admission: a request whose static choices are settled (admission.cpp), called once for
+// each combination that admit() tries (static_choice.cpp).
 #pragma once
 
 #include "rt/sched/admission.hpp"

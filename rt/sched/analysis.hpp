@@ -97,13 +97,13 @@ struct CoreAnalysis {
 
 // ---- fork and join (task_spec.hpp)
 //
-// The parent is analysed as if it executed while it waits for its workers (suspension-oblivious, hence
-// safe for it and for everything below it); a worker as a task of the parent's period on its own
-// core, released with the parent's latest fork as jitter. Each depends on the other through the
+// The parent is analysed as if it executed while it waits for its workers (suspension-oblivious,
+// hence safe for it and for everything below it); a worker as a task of the parent's period on its
+// own core, released with the parent's latest fork as jitter. Each depends on the other through the
 // cores: admission iterates both upwards from zero until nothing changes.
 
-// Latest instant, from the nominal release, at which task i of the set can have spent `spent` of its C:
-// with `spent` = CPU and waits before its last fork, the release jitter of its workers.
+// Latest instant, from the nominal release, at which task i of the set can have spent `spent` of
+// its C: with `spent` = CPU and waits before its last fork, the release jitter of its workers.
 [[nodiscard]] Nanos latest_fork(std::span<const AnalysisTask> tasks, std::size_t i, Nanos spent,
                                 const AnalysisOptions& = {});
 
@@ -117,9 +117,9 @@ struct WorkerJoin {
   Nanos C{0};     // budget of the worker
   Nanos join{0};  // its join_time
 };
-// What waiting adds to the parent's own CPU. One fork: the longest join beyond the parent's own share.
-// Several: that share of the largest worker budget that the parent's own overlap does not cover, and
-// whatever delays any of the workers at any fork.
+// What waiting adds to the parent's own CPU. One fork: the longest join beyond the parent's own
+// share. Several: that share of the largest worker budget that the parent's own overlap does not
+// cover, and whatever delays any of the workers at any fork.
 [[nodiscard]] Nanos wait_beyond(std::span<const WorkerJoin> workers, int forks, Nanos overlap);
 
 }  // namespace rt

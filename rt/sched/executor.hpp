@@ -24,8 +24,8 @@ struct RunPlan {
 class Executor {
  public:
   virtual ~Executor() = default;
-  // Runs until the duration is over or a stop was requested. Every job's record goes to the sink, in
-  // completion order (virtual) or per-task order (real).
+  // Runs until the duration is over or a stop was requested. Every job's record goes to the sink,
+  // in completion order (virtual) or per-task order (real).
   virtual void run(const RunPlan& plan) = 0;
   virtual void request_stop() noexcept = 0;
   // By position in the vector of tasks; after run().

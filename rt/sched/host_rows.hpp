@@ -1,5 +1,5 @@
-// Inside of admission: the analysis rows of a host at a given placement and given levels, fork and join
-// between cores included (analysis.hpp has the formulas).
+// Inside of admission: the analysis rows of a host at a given placement and given levels, fork and
+// join between cores included (analysis.hpp has the formulas).
 #pragma once
 
 #include <string>

@@ -1,4 +1,5 @@
-// The answer to "may this mode be entered from that one?", worked out before the start (mode_table.hpp).
+// The answer to "may this mode be entered from that one?", worked out before the start
+// (mode_table.hpp).
 #pragma once
 
 #include <array>

@@ -32,7 +32,8 @@ std::size_t demand_row(const std::vector<TaskSpec>& tasks, std::size_t i) {
   return i;
 }
 
-// Everything that runs in a or in b, where it is placed. Sentinels and watchdogs are there in every mode.
+// Everything that runs in a or in b, where it is placed. Sentinels and watchdogs are there in every
+// mode.
 AdmissionRequest set_of(const AdmissionRequest& request, const Admission& admission,
                         const ModeSet& a, const ModeSet& b) {
   AdmissionRequest r = request;
@@ -119,7 +120,8 @@ ModeTable analyse_modes(const AdmissionRequest& request, const Admission& admiss
   const auto stays = [&](std::size_t m) { return table.verdict(m, m).admitted; };
   for (std::size_t from = 0; from < n; ++from) {
     for (std::size_t to = 0; to < n; ++to) {
-      // Into a mode that one could not stay in there is no way; out of it there is, as far as it fits.
+      // Into a mode that one could not stay in there is no way; out of it there is, as far as it
+      // fits.
       const bool fits = table.verdict(from, to).admitted && stays(to);
       table.gate.set(from, to, fits);
       if (fits || !table.modes[to].safe || !table.refusal.empty()) continue;

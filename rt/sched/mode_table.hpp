@@ -6,7 +6,8 @@
 // reads a table of bits (ModeGate). A change that does not fit is refused, and the table keeps the
 // figures for the log.
 //
-//   a set         per task: whether it runs, and the levels that it may run in; charged the dearest of them
+//   a set         per task: whether it runs, and the levels that it may run in; charged the dearest
+//                 of them
 //   a change      from a to b: every task that runs in either, at the dearest level of both. The
 //                 release grid does not move, and a level is switched only where no job is pending.
 //                 So during the change no two jobs of a task are closer than its period and none
@@ -16,8 +17,8 @@
 //                 one of them, or a change into one from any mode, does not fit, the start is
 //                 refused.
 //
-// The host's registry is entered with each task's dearest row over all modes that may be entered, so a mode
-// change never has to ask it (largest_of).
+// The host's registry is entered with each task's dearest row over all modes that may be entered,
+// so a mode change never has to ask it (largest_of).
 #pragma once
 
 #include <string>
@@ -59,8 +60,8 @@ struct ModeTable {
   }
 };
 
-// `request` as admitted, `admission` its answer. Throws std::invalid_argument for more than kMaxModes,
-// or demands that do not match the tasks.
+// `request` as admitted, `admission` its answer. Throws std::invalid_argument for more than
+// kMaxModes, or demands that do not match the tasks.
 [[nodiscard]] ModeTable analyse_modes(const AdmissionRequest& request, const Admission& admission,
                                       std::vector<ModeSet> modes);
 

@@ -36,8 +36,9 @@ template <class RawArrival>
 }
 
 // Which variant a task with policy degrade runs: one level down at the first hyperperiod boundary
-// after a miss where no job of it is pending, one level back after `clean_needed` clean hyperperiods.
-// Never above the level that admission chose, never beyond the last one that it reckoned with.
+// after a miss where no job of it is pending, one level back after `clean_needed` clean
+// hyperperiods. Never above the level that admission chose, never beyond the last one that it
+// reckoned with.
 class LevelControl {
  public:
   LevelControl(int start_level, int last_level, int clean_needed = 10) noexcept

@@ -12,8 +12,8 @@
 // is not such a right: without it wake-ups from deep idle states are later, which sentinels see and
 // the run reports.
 //
-// Thread priorities: theft of a fault plan 98 > sentinel 95 > watchdog 94 > hog of a fault plan 93 >
-// tasks 80 - rank.
+// Thread priorities: theft of a fault plan 98 > sentinel 95 > watchdog 94 > hog of a fault plan 93
+// > tasks 80 - rank.
 #pragma once
 
 #include <atomic>

@@ -1,12 +1,13 @@
-// The threads of a RealExecutor beside the tasks': injectors of a fault plan, sentinels, watchdog, drain.
+// The threads of a RealExecutor beside the tasks': injectors of a fault plan, sentinels, watchdog,
+// drain.
 #pragma once
 
 #include "rt/sched/real_executor_state-inl.hpp"
 
 namespace rt {
 
-// Injected theft or hog: a thread above the tasks (or above everything) that holds the core from the
-// nominal releases the plan names. Started only when the plan takes cores away.
+// Injected theft or hog: a thread above the tasks (or above everything) that holds the core from
+// the nominal releases the plan names. Started only when the plan takes cores away.
 template <class Faults>
 void RealExecutor<Faults>::injector_loop(int cpu, bool theft) {
   if constexpr (Faults::kEnabled) {
@@ -136,8 +137,8 @@ void RealExecutor<Faults>::drain_loop() {
   }
 }
 
-// The thread of a task has ended, as a fault plan says: its releases still arrive, and each is lost as
-// it does. Nobody else would make its output safe.
+// The thread of a task has ended, as a fault plan says: its releases still arrive, and each is lost
+// as it does. Nobody else would make its output safe.
 template <class Faults>
 void RealExecutor<Faults>::lose_until(Worker& w, std::int64_t host_ns) {
   const auto& clock = plan_.clock[static_cast<std::size_t>(w.task.spec.box)];

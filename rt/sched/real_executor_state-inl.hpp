@@ -71,8 +71,8 @@ struct RealExecutor<Faults>::Worker {
   bool forced = false;  // watchdog only
   // Host: the next hyperperiod boundary to look at; the last job, arrival to end.
   std::int64_t boundary = 0, pending_from = 0, pending_to = 0;
-  // Set last by the task's thread when it ends before the run does: from then on the release to lose
-  // next, its arrival, bucket, levels and totals are the watchdog's.
+  // Set last by the task's thread when it ends before the run does: from then on the release to
+  // lose next, its arrival, bucket, levels and totals are the watchdog's.
   std::atomic<bool> ended{false};
   std::uint64_t next_k = 0;
   Time next_arrival{};
@@ -84,8 +84,8 @@ struct RealExecutor<Faults>::Worker {
   explicit Worker(const PlacedTask& t)
       : task(t), levels(t.level, t.lowest_level()), bucket(t.spec.consecutive_miss_limit) {}
   [[nodiscard]] bool degrades() const noexcept { return task.spec.policy == MissPolicy::kDegrade; }
-  // Variants switch at the first boundary with no pending job. Those that passed since the last job's
-  // arrival are looked at afterwards, with what was pending then.
+  // Variants switch at the first boundary with no pending job. Those that passed since the last
+  // job's arrival are looked at afterwards, with what was pending then.
   void pass_boundaries(std::int64_t host_ns, std::int64_t hyperperiod_ns) noexcept {
     for (; degrades() && boundary <= host_ns; boundary += hyperperiod_ns) {
       levels.at_boundary(pending_from < boundary && boundary < pending_to);

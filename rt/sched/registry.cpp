@@ -139,8 +139,9 @@ std::string malformed(const RegistryEntry& e) {
   return {};
 }
 
-// Without O_CREAT first: where fs.protected_regular is set, opening with it a file of another user in a
-// sticky folder is refused even if its mode allows it. The umask takes nothing from what a maker gives.
+// Without O_CREAT first: where fs.protected_regular is set, opening with it a file of another user
+// in a sticky folder is refused even if its mode allows it. The umask takes nothing from what a
+// maker gives.
 int open_or_make(const std::string& shm_name) noexcept {
   for (;;) {
     int fd = ::shm_open(shm_name.c_str(), O_RDWR | O_CLOEXEC, 0);

@@ -45,9 +45,10 @@ struct RegistryOptions {
 
 // The rows to register for an admission: placed tasks, platform tasks, best effort with a core.
 // `mine` says which of them the calling process runs (name and box of the spec; best effort has the
-// operator's); empty: all. A task that forks and its workers are entered with D = R: another process may
-// not delay them, since their rows on one core were computed from those on the other. Where two processes
-// share one admission each registers its own part: its tasks, its sentinels and its watchdog.
+// operator's); empty: all. A task that forks and its workers are entered with D = R: another
+// process may not delay them, since their rows on one core were computed from those on the other.
+// Where two processes share one admission each registers its own part: its tasks, its sentinels and
+// its watchdog.
 using IsMine = std::function<bool(const std::string& name, Box box)>;
 [[nodiscard]] std::vector<RegistryEntry> registry_entries(const AdmissionRequest& request,
                                                           const Admission& admission,

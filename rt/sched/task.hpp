@@ -1,4 +1,5 @@
-// A task as an executor sees it: a spec and a body. One job is latch -> step -> commit on one thread.
+// A task as an executor sees it: a spec and a body. One job is latch -> step -> commit on one
+// thread.
 #pragma once
 
 #include "rt/sched/job_record.hpp"

@@ -26,9 +26,9 @@ enum class MissPolicy : std::uint8_t {
   kDegrade,  // as skip, and the task asks for its next smaller variant
 };
 
-// A way to do the job: a level passed in Tick to the same object, level 0 the fullest. Its knobs are
-// dynamic (ICP iterations, pixel step): they may change at the first hyperperiod boundary with no
-// pending job.
+// A way to do the job: a level passed in Tick to the same object, level 0 the fullest. Its knobs
+// are dynamic (ICP iterations, pixel step): they may change at the first hyperperiod boundary with
+// no pending job.
 struct Variant {
   std::string name;
   Nanos budget{0};
@@ -55,12 +55,12 @@ struct StaticChoice {
   std::string ruled_out;          // why this set-up can not have it; empty: it can
 };
 
-// Fork and join. A task with `forks` hands parts of each job to pool workers on other cores and waits
-// for them. Each worker is a row of its own that names its parent. A worker has its parent's rate,
-// offset, deadline, policy, choices and levels. Its budget is its own: over the forks of one job,
-// the sum of the largest share that any worker of the pool gets. Its release jitter is the parent's
-// latest fork. That and the parent's wait for the join, which counts as execution, are computed
-// (analysis.hpp). Workers block while they wait; they never spin.
+// Fork and join. A task with `forks` hands parts of each job to pool workers on other cores and
+// waits for them. Each worker is a row of its own that names its parent. A worker has its parent's
+// rate, offset, deadline, policy, choices and levels. Its budget is its own: over the forks of one
+// job, the sum of the largest share that any worker of the pool gets. Its release jitter is the
+// parent's latest fork. That and the parent's wait for the join, which counts as execution, are
+// computed (analysis.hpp). Workers block while they wait; they never spin.
 
 // How much later than its grid a task is released from now on: where its input comes at a phase
 // that is known only while it runs. It only grows, so two releases are never closer than a period,

@@ -50,8 +50,8 @@ bool VirtualExecutor<Faults>::joining(const State& s) noexcept {
          std::any_of(s.helpers.begin(), s.helpers.end(), [](const State* h) { return h->pending; });
 }
 
-// The job of `parent` has just been dispatched: those of its workers arrive. A job that forked nothing
-// leaves them a record without CPU.
+// The job of `parent` has just been dispatched: those of its workers arrive. A job that forked
+// nothing leaves them a record without CPU.
 template <class Faults>
 void VirtualExecutor<Faults>::fork(State& parent) {
   const bool live = !options_.stub_bodies && parent.task.body != nullptr;
@@ -352,7 +352,8 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
     s.record.injected = f.any() ? 1 : 0;
   }
   // A job that can not end before its deadline even undisturbed sees its token from the start, as
-  // its polls would; one that is later preempted past the deadline is aborted there and commits nothing.
+  // its polls would; one that is later preempted past the deadline is aborted there and commits
+  // nothing.
   s.cancel.clear();
   if (s.task.spec.policy == MissPolicy::kAbort && now_ + s.remaining > s.deadline_host) {
     s.cancel.request();

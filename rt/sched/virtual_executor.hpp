@@ -1,15 +1,16 @@
 // The virtual clock: preemptive fixed-priority scheduling of the same TaskBody objects as a
 // discrete-event simulation. Inputs are latched at the instant of first dispatch, step() runs there
 // and then, outputs are committed at the instant of completion; between the two lies the cost that
-// the CostModel (and the fault plan) gives the job, stretched by preemption. Bit-exact on any machine.
+// the CostModel (and the fault plan) gives the job, stretched by preemption. Bit-exact on any
+// machine.
 //
 // A row that names a parent is a worker of its pool. Its parts are computed inline with step(). In
 // simulated time all forks of a job count as one at its first dispatch: there the worker's job of
 // that release arrives on its own core with a cost of its own, and the parent ends when both have
 // been served.
 //
-// Order at one instant: completions, then aborts, then actors (devices, link), then variant switches,
-// then releases, then dispatch by priority, lowest core first.
+// Order at one instant: completions, then aborts, then actors (devices, link), then variant
+// switches, then releases, then dispatch by priority, lowest core first.
 #pragma once
 
 #include <cstdint>

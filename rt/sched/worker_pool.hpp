@@ -2,8 +2,8 @@
 // waiting is in the kernel (futex), without spinning. The threads belong to the executor (serve()),
 // which places and ranks them as admission decided.
 //
-//   fork   body, context, parts are written; pending = workers that have a part; then each one's `call` is
-//          raised (release) and woken
+//   fork   body, context, parts are written; pending = workers that have a part; then each one's
+//          `call` is raised (release) and woken
 //   work   a worker sees its call raised (acquire), does its parts, notes its CPU, lowers pending
 //          (release); the last one wakes the caller
 //   join   the caller sleeps until pending is 0 (acquire): all results and notes are then its own

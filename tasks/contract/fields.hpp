@@ -1,4 +1,5 @@
-// The field lists of the messages between tasks (rt/message/fields.hpp). Their order is that of a run's hash.
+// The field lists of the messages between tasks (rt/message/fields.hpp). Their order is that of a
+// run's hash.
 #pragma once
 
 #include "drivers/link/frame_demand.hpp"

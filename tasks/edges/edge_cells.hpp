@@ -131,7 +131,8 @@ class EdgeCells {
     auto& c = of<E>();
     return tasks::push(c.gate, c.cell, event, gap...);
   }
-  // Number of the newest value that was published or pushed; any thread. 0: none, or no such cell here.
+  // Number of the newest value that was published or pushed; any thread. 0: none, or no such cell
+  // here.
   template <EdgeId E>
   [[nodiscard]] std::uint64_t newest() const noexcept {
     if constexpr (end_in(E, B) != EdgeEnd::kNone) {

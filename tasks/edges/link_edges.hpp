@@ -1,4 +1,5 @@
-// An edge between the boxes at its link endpoint: the row's code and period, the message's field list.
+// An edge between the boxes at its link endpoint: the row's code and period, the message's field
+// list.
 #pragma once
 
 #include <span>

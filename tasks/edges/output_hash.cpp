@@ -2,8 +2,8 @@
 
 #include "perception/tsdf/patch/patch_copy.hpp"
 
-// What is not in a field list is taken apart by a structured binding: a field that is added to such a struct does not
-// compile until it is looked at here.
+// What is not in a field list is taken apart by a structured binding: a field that is added to such
+// a struct does not compile until it is looked at here.
 namespace tasks {
 
 namespace weigh {

@@ -237,8 +237,8 @@ void FusionTask::follow_objects(const RgbdFrame& frame, Out& out) noexcept {
                    view_.due(camera_.started, periods_, out), out);
 }
 
-// Blocks far from camera and hand leave the pool, near ones return. While the camera is lost nothing
-// is paged here; the search brings back what it needs.
+// Blocks far from camera and hand leave the pool, near ones return. While the camera is lost
+// nothing is paged here; the search brings back what it needs.
 void FusionTask::page(Out& out) noexcept {
   if (search_.lost()) return;
   const std::array<Vec3, 2> anchors_W{camera_.X_WC.translation(), patch_.centre_W()};

@@ -36,7 +36,8 @@ FrameArrival frame_arrival(const FrameWay& way) noexcept {
 
 rt::Nanos fusion_offset(const FrameArrival& arrival, rt::Nanos period) noexcept {
   const rt::Nanos spread = arrival.latest - arrival.earliest;
-  // Arrivals all round the period: no phase is free of them, so as far as can be from the early ones.
+  // Arrivals all round the period: no phase is free of them, so as far as can be from the early
+  // ones.
   const rt::Nanos free = std::max(period - spread, rt::Nanos{0});
   const rt::Nanos at =
       arrival.earliest + std::min(spread, period) + std::min(free / 2, kFrameMargin);
@@ -53,8 +54,9 @@ void set_fusion_phase(std::vector<rt::TaskSpec>& specs, const rt::Admission& adm
   FrameWay way;
   way.shape = shape;
   way.capture_bound = capture.R;
-  // On one core with fusion the analysis lets a whole job of fusion fall on capture. At the phase chosen
-  // here it lies elsewhere in the period; only one of the longest still reaches capture's release.
+  // On one core with fusion the analysis lets a whole job of fusion fall on capture. At the phase
+  // chosen here it lies elsewhere in the period; only one of the longest still reaches capture's
+  // release.
   const auto& above = admission.tasks[index_of(TaskId::kFusion)];
   if (above.core >= 0 && above.core == capture.core && above.priority > capture.priority)
     way.capture_bound = std::max(capture.C, capture.R - above.C);

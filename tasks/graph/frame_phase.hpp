@@ -1,10 +1,11 @@
 // Where in the camera's period fusion is released.
 //
 // Both boxes count their releases from one epoch, so the frame that capture takes at its release
-// reaches fusion's cell at a phase that hardly changes from frame to frame. The cell keeps the newest
-// frame only. With fusion released in the midst of the arrivals, a frame that is a little late is seen
-// one release later, and there the next one, on time, has overwritten it. So fusion is released when
-// the frame of this period has typically arrived, and the next one can not be there yet:
+// reaches fusion's cell at a phase that hardly changes from frame to frame. The cell keeps the
+// newest frame only. With fusion released in the midst of the arrivals, a frame that is a little
+// late is seen one release later, and there the next one, on time, has overwritten it. So fusion is
+// released when the frame of this period has typically arrived, and the next one can not be there
+// yet:
 //
 //   capture's release                          fusion's release
 //   |--- response --- line --- delay ---|earliest  latest|--- margin --|
@@ -45,9 +46,9 @@ inline constexpr rt::Nanos kFrameMargin = std::chrono::milliseconds{6};
 inline constexpr rt::Nanos kWhole = std::chrono::milliseconds{10};  // the twin renders until then
 [[nodiscard]] rt::Nanos capture_offset(rt::Nanos exposure, rt::Nanos period) noexcept;
 
-// Sets the offset of fusion in `specs` (by task id): capture's response and the sizes of its frames from
-// admission and calibration, the line from the scene. Once, before the start; the same on every
-// machine for the same admission, calibration and scene.
+// Sets the offset of fusion in `specs` (by task id): capture's response and the sizes of its frames
+// from admission and calibration, the line from the scene. Once, before the start; the same on
+// every machine for the same admission, calibration and scene.
 void set_fusion_phase(std::vector<rt::TaskSpec>& specs, const rt::Admission& admission,
                       const Calibration& calibration, const drivers::LinkShapeConfig& shape);
 

@@ -1,4 +1,5 @@
-// The fusion task as an executor sees it: latch image, hand, odometry and edits, step, commit map window, views and pose.
+// The fusion task as an executor sees it: latch image, hand, odometry and edits, step, commit map
+// window, views and pose.
 #pragma once
 
 #include "tasks/fusion/drawn_obstacles.hpp"

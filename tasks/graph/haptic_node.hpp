@@ -1,4 +1,5 @@
-// The haptic task as an executor sees it: latch the hand and its inputs, step, commit the force and what the hand did.
+// The haptic task as an executor sees it: latch the hand and its inputs, step, commit the force and
+// what the hand did.
 #pragma once
 
 #include "tasks/graph/limits.hpp"

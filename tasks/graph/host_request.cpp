@@ -83,8 +83,8 @@ rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
   r.tasks = specs;
   add_pool(pool, calibration, r.tasks);
   r.cpus = cpus;
-  // Fusion gets its phase when admission has answered (frame_phase.hpp): off everybody's grid, so that
-  // none of its releases counts as an instant at which the sentinel is awake anyway.
+  // Fusion gets its phase when admission has answered (frame_phase.hpp): off everybody's grid, so
+  // that none of its releases counts as an instant at which the sentinel is awake anyway.
   const std::string& fusion = specs[index_of(TaskId::kFusion)].name;
   for (rt::TaskSpec& t : r.tasks) {
     if ((t.name == fusion || t.parent == fusion) && t.offset.count() == 0) t.offset = rt::Nanos{1};

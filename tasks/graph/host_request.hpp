@@ -1,5 +1,5 @@
-// What the demo asks of the host: both boxes' tasks, fusion's pool workers, sentinels, watchdogs, declared
-// ordinary threads; and what each mode of supervision asks of it.
+// What the demo asks of the host: both boxes' tasks, fusion's pool workers, sentinels, watchdogs,
+// declared ordinary threads; and what each mode of supervision asks of it.
 #pragma once
 
 #include <vector>
@@ -12,14 +12,16 @@
 
 namespace tasks {
 
-// Section [pool]: threads beside fusion's own that take part of each image, each a row of the admission.
+// Section [pool]: threads beside fusion's own that take part of each image, each a row of the
+// admission.
 struct PoolConfig {
   int fusion_workers = 0;  // 0: fusion runs on one core, as two cores want it
   void describe(config::Section& s);
 };
 
-// Declared figures of the pool. The first two are shares of what a fusion job costs one thread; a calibration with
-// workers has rows of its own for both. The others are shares of fusion's own budget.
+// Declared figures of the pool. The first two are shares of what a fusion job costs one thread; a
+// calibration with workers has rows of its own for both. The others are shares of fusion's own
+// budget.
 inline constexpr double kOwnShare = 0.7;     // what is left to fusion itself
 inline constexpr double kWorkerShare = 0.5;  // what one worker may cost
 inline constexpr double kBeforeShare =
@@ -40,17 +42,19 @@ inline constexpr double kTwinShare = 0.30;
 // On the real clock the twin shares its caches with every task.
 inline constexpr double kTwinMargin = 1.5;
 
-// `specs`: the task table (make_specs). The pool's rows follow them, so row i of the answer is task i.
+// `specs`: the task table (make_specs). The pool's rows follow them, so row i of the answer is task
+// i.
 [[nodiscard]] rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
                                                 const std::vector<int>& cpus,
                                                 const BestEffortShares& shares,
                                                 const PoolConfig& pool = {},
                                                 const Calibration& calibration = {});
 
-// One set a mode (tasks::Mode), for rt::analyse_modes. Today every task runs in every mode, at the level that
-// it was admitted at: a mode changes what the tasks put out, not what they cost. So no change is ever
-// refused, and the table says so instead of assuming it; a task that is given less or more to do in one mode
-// is entered here. Only engaged may be refused: all others are what a fault leads to.
+// One set a mode (tasks::Mode), for rt::analyse_modes. Today every task runs in every mode, at the
+// level that it was admitted at: a mode changes what the tasks put out, not what they cost. So no
+// change is ever refused, and the table says so instead of assuming it; a task that is given less
+// or more to do in one mode is entered here. Only engaged may be refused: all others are what a
+// fault leads to.
 [[nodiscard]] std::vector<rt::ModeSet> mode_sets(const rt::AdmissionRequest& request,
                                                  const rt::Admission& admission);
 

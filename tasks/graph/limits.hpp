@@ -1,9 +1,11 @@
-// How old a value may be for its reader: kLimitTable of table.hpp, as a scene has it, and what judges by it.
+// How old a value may be for its reader: kLimitTable of table.hpp, as a scene has it, and what
+// judges by it.
 //
-// A LimitWatch is one row of that table in one reader. It is asked at the latch, with the reader's clock; what the
-// reader then does is its node's or its task's, and said in the row. Each time a limit is crossed, and when the value is
-// in time again, the reader's log says so. Before a first publication, or before its value holds
-// anything sensed, the value is not within the limit, and no line says so.
+// A LimitWatch is one row of that table in one reader. It is asked at the latch, with the reader's
+// clock; what the reader then does is its node's or its task's, and said in the row. Each time a
+// limit is crossed, and when the value is in time again, the reader's log says so. Before a first
+// publication, or before its value holds anything sensed, the value is not within the limit, and no
+// line says so.
 #pragma once
 
 #include <algorithm>

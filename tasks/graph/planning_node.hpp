@@ -1,4 +1,5 @@
-// The planning task as an executor sees it: latch marks, map and where the base is, step, commit path and state.
+// The planning task as an executor sees it: latch marks, map and where the base is, step, commit
+// path and state.
 #pragma once
 
 #include "tasks/graph/limits.hpp"

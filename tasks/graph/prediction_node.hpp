@@ -1,4 +1,5 @@
-// The prediction task as an executor sees it: latch robot state, path and camera, step, commit goal and odometry frame.
+// The prediction task as an executor sees it: latch robot state, path and camera, step, commit goal
+// and odometry frame.
 #pragma once
 
 #include "tasks/graph/limits.hpp"

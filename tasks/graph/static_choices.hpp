@@ -1,8 +1,9 @@
 // What is fixed at the start of a run, best first: admission takes the first that fits this host
 // (rt/sched/admission.hpp, 4). Only fusion chooses: its voxel size.
 //
-// The floor: 30 Hz fusion, voxels of at most 20 mm, all three levels of the tracking's pyramid, at least 5 ms
-// for planning. Below it nothing is admitted: the program says which task does not fit, with figures.
+// The floor: 30 Hz fusion, voxels of at most 20 mm, all three levels of the tracking's pyramid, at
+// least 5 ms for planning. Below it nothing is admitted: the program says which task does not fit,
+// with figures.
 #pragma once
 
 #include <array>
@@ -25,8 +26,9 @@ inline constexpr std::array<VoxelChoice, 2> kVoxelChoices{{
     {0.020, {25000, 12000, 9000}},
 }};
 
-// What the published method of touch adds where a scene asks for it, declared: to fusion its ray cast, on one thread, of which
-// a job at any level makes one of fusion.surface_periods parts; to a tick of haptic the reduction over its points.
+// What the published method of touch adds where a scene asks for it, declared: to fusion its ray
+// cast, on one thread, of which a job at any level makes one of fusion.surface_periods parts; to a
+// tick of haptic the reduction over its points.
 // chosen on: test room, 512 x 424, 20 mm: 74 ms, reduction p99 51 us; judged on: default_room: 69 ms
 inline constexpr std::int64_t kRayCast_us = 80000;
 inline constexpr std::int64_t kReduction_us = 100;
@@ -39,11 +41,12 @@ inline constexpr std::int64_t kFloorPlanning_us = 5000;
 struct ChoiceLimits {
   // fusion.tsdf.voxel_size_m where the scene names it: then there is no choice. 0: it does not.
   double named_voxel_m = 0;
-  // The touch window: `patch_nodes` voxels wide; the hand must not outrun it (definition of the patch):
-  // half of it >= hand speed limit x workspace scale x 100 ms + 50 mm.
+  // The touch window: `patch_nodes` voxels wide; the hand must not outrun it (definition of the
+  // patch): half of it >= hand speed limit x workspace scale x 100 ms + 50 mm.
   int patch_nodes = 0;  // 0: not looked at
   double needed_half_extent_m = 0;
-  // haptic.method = "force_shading": what a job of fusion pays for it, on top of what is declared, and haptic the reduction. 0: no.
+  // haptic.method = "force_shading": what a job of fusion pays for it, on top of what is declared,
+  // and haptic the reduction. 0: no.
   std::int64_t ray_cast_us = 0;
   // Picture codecs that the scene names: what a job of capture pays for them (picture_cost.hpp).
   std::int64_t encode_us = 0;
@@ -52,7 +55,8 @@ struct ChoiceLimits {
 // "20 mm"
 [[nodiscard]] std::string voxel_name(double voxel_m);
 
-// Names and voxel sizes that fusion may be built with, best first; why not, where the window is too small.
+// Names and voxel sizes that fusion may be built with, best first; why not, where the window is too
+// small.
 struct VoxelOption {
   double voxel_m = 0;
   std::string name, ruled_out;

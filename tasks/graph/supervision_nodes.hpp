@@ -1,4 +1,5 @@
-// The supervision of each box as an executor sees it: latch health of the watched tasks, the link, what is asked; commit the mode.
+// The supervision of each box as an executor sees it: latch health of the watched tasks, the link,
+// what is asked; commit the mode.
 #pragma once
 
 #include "tasks/graph/limits.hpp"

@@ -318,8 +318,8 @@ void CellFlow::descend() noexcept {
   }
 }
 
-// At rest a hair from a wall: onto it, so that the cells beyond are asked too. Where the hand is over the very
-// edge of a solid, the step to it is shorter than any that counts.
+// At rest a hair from a wall: onto it, so that the cells beyond are asked too. Where the hand is
+// over the very edge of a solid, the step to it is shorter than any that counts.
 bool CellFlow::onto_wall() noexcept {
   constexpr double kHair = 3e-3;
   for (int a = 0; a < 3; ++a) {

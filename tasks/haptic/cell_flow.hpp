@@ -12,7 +12,8 @@
 // first-order condition of the minimum over the union of the cells. No step ends farther from h.
 //
 // Lengths in voxels, frame W over voxel. For descent.cpp and effects.cpp: the way down is
-// cell_flow.cpp, what is asked where it ended cell_rest.cpp. Nothing here allocates, locks or throws.
+// cell_flow.cpp, what is asked where it ended cell_rest.cpp. Nothing here allocates, locks or
+// throws.
 #pragma once
 
 #include <array>
@@ -39,10 +40,10 @@ class CellFlow {
 
   // From p_W, which is outside the solid (or in it by rounding), to where no way leads nearer.
   [[nodiscard]] Vec3 run(const Vec3& p_W) noexcept;
-  // Beside the place reached: on a convex bend between two cells the hand may have a place of rest on
-  // either side. A bend of up to some 10 degrees between flat sheets is the samples' work, not the
-  // surface's: the proxy stays at its own, and what is rendered goes over from one to the other with
-  // the barrier that is left between them, so that it neither jumps nor sticks there.
+  // Beside the place reached: on a convex bend between two cells the hand may have a place of rest
+  // on either side. A bend of up to some 10 degrees between flat sheets is the samples' work, not
+  // the surface's: the proxy stays at its own, and what is rendered goes over from one to the other
+  // with the barrier that is left between them, so that it neither jumps nor sticks there.
   [[nodiscard]] Vec3 shade() noexcept;
   // For the next run; what the tick may take is not given again.
   void set_radius(double radius_m) noexcept;

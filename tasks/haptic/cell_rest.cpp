@@ -1,5 +1,5 @@
-// What is asked of the place where the descent came to rest: whether the other side of a bend is a rest too, and which
-// tangents bear the pull.
+// What is asked of the place where the descent came to rest: whether the other side of a bend is a
+// rest too, and which tangents bear the pull.
 #include <algorithm>
 #include <cmath>
 
@@ -21,8 +21,8 @@ constexpr double kBendSmooth = 0.15,
 // chosen on: stability 10 fused; judged on: stability 1 to 20 (docs/haptic_rendering.md)
 constexpr double kApartFull = 0.1, kApartMost = 0.12;
 
-// Over what two planes would have between them: where a sheet bulges itself, its rest runs ahead of the hand, and the
-// bend is the surface's.
+// Over what two planes would have between them: where a sheet bulges itself, its rest runs ahead of
+// the hand, and the bend is the surface's.
 // chosen on: stability 9, 10 and fused fields; judged on: stability 1 to 20 (docs/haptic_rendering.md)
 constexpr double kBulgeFull = 1.015, kBulgeMost = 1.035;
 

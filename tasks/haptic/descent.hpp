@@ -1,6 +1,6 @@
-// One tick of the constrained proxy: how contact begins, is carried over a changed field, is held and
-// ends; the descent itself is cell_flow.hpp. Written for tasks/haptic/proxy.cpp alone; method and
-// equations: docs/haptic_rendering.md. Nothing here allocates, locks or throws.
+// One tick of the constrained proxy: how contact begins, is carried over a changed field, is held
+// and ends; the descent itself is cell_flow.hpp. Written for tasks/haptic/proxy.cpp alone; method
+// and equations: docs/haptic_rendering.md. Nothing here allocates, locks or throws.
 #pragma once
 
 #include <algorithm>
@@ -60,8 +60,9 @@ class Descent {
     return g;
   }
   // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
-  // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it. Beside unknown space
-  // the last slope goes on, as the contact planes do: by what half the cells say it would come and go with every tick.
+  // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
+  // Beside unknown space the last slope goes on, as the contact planes do: by what half the cells
+  // say it would come and go with every tick.
   [[nodiscard]] double radius_at(const Vec3& p) noexcept {
     if (state_.phase != ProxyState::Phase::kContact || !meets_unknown(p)) {
       state_.slope = std::max(1.0, field_.smooth_gradient(p).norm());

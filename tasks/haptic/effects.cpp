@@ -17,8 +17,8 @@ namespace {
 
 constexpr int kStillTicks = 20;  // slip without motion for so long is at rest
 
-// From p_c along t in steps of a quarter voxel, lifted out of the solid along the gradient at each. False: nothing stood
-// in the way. `up`: the last gradient's direction.
+// From p_c along t in steps of a quarter voxel, lifted out of the solid along the gradient at each.
+// False: nothing stood in the way. `up`: the last gradient's direction.
 bool lifted(const Field& field, const Vec3& t, double radius, Vec3& q, Vec3& up) noexcept {
   const double step = 0.25 * field.voxel();
   const int steps = std::clamp(static_cast<int>(std::ceil(t.norm() / step)), 1, 8);
@@ -53,8 +53,9 @@ Vec3 nearest_free(const Field& field, const ProxyState& state, const Vec3& p_c, 
   return CellFlow(field, cfg, radius, end, held, size).run(free ? q : p_c);
 }
 
-// Where t from p_c ends, or the free place nearest to that; p_c itself when the way is barred. A lift along the gradient
-// is that place on a face; where faces meet, the descent of the proxy finds it.
+// Where t from p_c ends, or the free place nearest to that; p_c itself when the way is barred. A
+// lift along the gradient is that place on a face; where faces meet, the descent of the proxy finds
+// it.
 Vec3 swept(const Field& field, const ProxyState& state, const Vec3& p_c, const Vec3& t,
            const Vec3& n, double radius) noexcept {
   constexpr double kAside_m = 2e-5;
@@ -69,8 +70,9 @@ Vec3 swept(const Field& field, const ProxyState& state, const Vec3& p_c, const V
   return (q - p_c).dot(n) < -t.norm() ? p_c : q;
 }
 
-// J v, J = dp_c / dh on one smooth sheet: Z (Z' (I - lambda H) Z)^-1 Z', Z the tangent plane at p and
-// lambda grad phi = p - h. A bulge that would carry the foot off faster than twice the hand is not believed.
+// J v, J = dp_c / dh on one smooth sheet: Z (Z' (I - lambda H) Z)^-1 Z', Z the tangent plane at p
+// and lambda grad phi = p - h. A bulge that would carry the foot off faster than twice the hand is
+// not believed.
 Vec3 followed(const Field& field, const Vec3& p, const Vec3& h, const Vec3& n,
               const Vec3& v) noexcept {
   Vec3 flat = v - v.dot(n) * n;
@@ -159,8 +161,8 @@ Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, const F
     t *= (closed ? rest : slip) / length;
     state.set_anchor(p_c + t);
   } else if (state.slipping) {
-    // At the rim the hand rests, inside it the motion has turned. From the rim of a cone that opens the proxy comes to
-    // be inside too, and goes on.
+    // At the rim the hand rests, inside it the motion has turned. From the rim of a cone that opens
+    // the proxy comes to be inside too, and goes on.
     const double rim = cone.moves ? std::min(slip, state.rubbed) : slip;
     const bool turned = length < rim - 1e-6;
     const bool onwards = cone.moves && length > state.rubbed + 1e-9;
@@ -308,9 +310,10 @@ void follow(Surface& now, const Surface& goal, double stiffness, double stretch,
       now.bumps[now.patterns++] = {0, b.period_m};
   }
   std::array<double, Surface::kMostPatterns> change{};
-  // The largest force that all changes together can make: of the whole spring for stiffness, of its part along the
-  // surface for friction, of height and slope for bumps. Where f is not its argument any more the reach changes with C:
-  // f at most by 5/4 r of its share, and less between crest and foot.
+  // The largest force that all changes together can make: of the whole spring for stiffness, of its
+  // part along the surface for friction, of height and slope for bumps. Where f is not its argument
+  // any more the reach changes with C: f at most by 5/4 r of its share, and less between crest and
+  // foot.
   const double highest = 3 * now.height_m(), axes = std::sqrt(3.0);
   const double depth = std::min(stretch + highest, kPlateau * reach);
   const double slope = now.steepness(), curvature = now.curvature_per_m();

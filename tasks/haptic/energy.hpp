@@ -1,8 +1,8 @@
 // Energy observer of the haptic loop (E(k) = E(k-1) - F(k-1) . (x(k) - x(k-1)), the
 // force on the hand times its motion, exact for a force held between ticks). E is the net energy
 // the hand put in: passive means E >= 0. What a moving surface or a changing stiffness puts into
-// the spring at a held hand is booked apart. The device's own damping b dissipates what the loop may make: 0.8 b v^2 T a tick
-// is credited. E + booked + credit is what passivity is asserted on.
+// the spring at a held hand is booked apart. The device's own damping b dissipates what the loop
+// may make: 0.8 b v^2 T a tick is credited. E + booked + credit is what passivity is asserted on.
 #pragma once
 
 #include <algorithm>
@@ -43,8 +43,8 @@ class EnergyObserver {
     }
   }
   void begin_event() noexcept { event_J_ = most_J_ = 0; }
-  // One more tick like the worst of this event would book more than 1 W over 100 ms, or 50 mJ in the event: whoever
-  // injects has to slow down.
+  // One more tick like the worst of this event would book more than 1 W over 100 ms, or 50 mJ in
+  // the event: whoever injects has to slow down.
   [[nodiscard]] bool over_budget() const noexcept {
     double sum = most_J_;
     for (const double b : bins_) sum += b;

@@ -1,21 +1,25 @@
-// Passivity controller of the haptic loop (time-domain passivity: Hannaford and Ryu 2002). It works on what the
-// observer counts (energy.hpp): S held by the spring, A = E + booked + credit available, debt = S - A. What the device's own
-// damping pays for is in the credit, so it acts only on what that does not.
+// Passivity controller of the haptic loop (time-domain passivity: Hannaford and Ryu 2002). It works
+// on what the observer counts (energy.hpp): S held by the spring, A = E + booked + credit
+// available, debt = S - A. What the device's own damping pays for is in the credit, so it acts only
+// on what that does not.
 //
-//   damping  F -= alpha v,  alpha = min((debt - 0.1 mJ) / (v^2 T), K T): pays back what is missing. The first 0.1 mJ is let
-//            stand: while noise turns the force the slew guard is behind, and owes and pays that much by turns. K T/2 pays for the leak of the
-//            hold in the mean, twice that pays old debts. v is the slope of the longest window of positions that a
-//            straight line explains to one encoder step (adaptive windowing: Janabi-Sharifi, Hayward, Chen 2000),
-//            late by half that window, at most 4 ms. So an encoder that rattles between two steps has no
-//            velocity: damping by the last step alone would feed it, since the next one goes back.
-//   share    a spring that holds more than there is gives back a share of its force, (A + 0.4 mJ) / S: all the way out
-//            that share stays the same and the energy ends with the contact. So an unstable stiffness sinks until
-//            it is a stable one, and a rattle, each step of which costs K quantum^2 / 2, ends in a slow yielding.
+//   damping  F -= alpha v,  alpha = min((debt - 0.1 mJ) / (v^2 T), K T): pays back what is missing.
+//            The first 0.1 mJ is let stand: while noise turns the force the slew guard is behind,
+//            and owes and pays that much by turns. K T/2 pays for the leak of the hold in the mean,
+//            twice that pays old debts. v is the slope of the longest window of positions that a
+//            straight line explains to one encoder step (adaptive windowing: Janabi-Sharifi,
+//            Hayward, Chen 2000), late by half that window, at most 4 ms. So an encoder that
+//            rattles between two steps has no velocity: damping by the last step alone would feed
+//            it, since the next one goes back.
+//   share    a spring that holds more than there is gives back a share of its force, (A + 0.4 mJ) /
+//            S: all the way out that share stays the same and the energy ends with the contact. So
+//            an unstable stiffness sinks until it is a stable one, and a rattle, each step of which
+//            costs K quantum^2 / 2, ends in a slow yielding.
 //   bound    the force stands until the next sample, so what it can give away by then is known beforehand: |F| times
 //            how far the hand can get along F. Never more than A + 0.6 mJ.
 //
-// The slew guard comes after it and may let the force fall more slowly: the rest up to the limit of 1 mJ is for that.
-// Frames: D haptic base.  SI.  Nothing here allocates, locks or throws.
+// The slew guard comes after it and may let the force fall more slowly: the rest up to the limit of
+// 1 mJ is for that. Frames: D haptic base.  SI.  Nothing here allocates, locks or throws.
 #pragma once
 
 #include <algorithm>
@@ -86,8 +90,9 @@ class PassivityController {
     const double most = reserve_J + spring_J + kBound_J;
     return reserve_J >= -kSlack_J && dx_D.dot(f_D) + size * margin_m(size, dt) <= most;
   }
-  // The force that may be sent instead of `f_D`, before guards. dx_D: motion since the last sample; reserve_J: what
-  // was dissipated beyond what was created, this tick's spring counted in; spring_J: what the spring holds now.
+  // The force that may be sent instead of `f_D`, before guards. dx_D: motion since the last sample;
+  // reserve_J: what was dissipated beyond what was created, this tick's spring counted in;
+  // spring_J: what the spring holds now.
   [[nodiscard]] perception::Vec3 limited(const perception::Vec3& f_D, const perception::Vec3& dx_D,
                                          double reserve_J, double spring_J, double stiffness,
                                          double dt) const noexcept {

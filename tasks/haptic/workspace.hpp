@@ -2,16 +2,17 @@
 //
 //   p_WH = p_WD + R_WD (scale p_DH)        scale: scene metres per hand metre
 //
-//   clutch   while it is held the device moves and the hand in the scene stays; afterwards the hand goes on
-//            from there, wherever the device is now
-//   view     only while the clutch is held: D turns about z of W so that "away from the operator" is where the
-//            view looks; the hand in the scene stays where it is
-//   border   beyond a radius of the device's reach the workspace itself moves in the scene, outwards, at a rate
-//            that grows with how far the hand is beyond it: position control inside, rate control outside
-//            (bubble technique: Dominjon, Lecuyer, Burkhardt, Andrade-Barroso, Richir 2005)
+//   clutch   while it is held the device moves and the hand in the scene stays; afterwards the hand
+//            goes on from there, wherever the device is now
+//   view     only while the clutch is held: D turns about z of W so that "away from the operator"
+//            is where the view looks; the hand in the scene stays where it is
+//   border   beyond a radius of the device's reach the workspace itself moves in the scene,
+//            outwards, at a rate that grows with how far the hand is beyond it: position control
+//            inside, rate control outside (bubble technique: Dominjon, Lecuyer, Burkhardt,
+//            Andrade-Barroso, Richir 2005)
 //
-// Frames: W world, D haptic base (x away from the operator, y to the left, z up), H stylus tip, V view
-// (optical: x right, y down, z ahead).  SI.  Nothing here allocates, locks or throws.
+// Frames: W world, D haptic base (x away from the operator, y to the left, z up), H stylus tip, V
+// view (optical: x right, y down, z ahead).  SI.  Nothing here allocates, locks or throws.
 #pragma once
 
 #include <algorithm>
@@ -51,7 +52,8 @@ class Workspace {
   [[nodiscard]] const perception::Mat3& R_WD() const noexcept { return R_WD_; }
   [[nodiscard]] const perception::Vec3& p_WD() const noexcept { return p_WD_; }
   [[nodiscard]] double scale() const noexcept { return config_.scale; }
-  // The mapping changed in the last advance(): the scene's hand moved without the device's, or not with it.
+  // The mapping changed in the last advance(): the scene's hand moved without the device's, or not
+  // with it.
   [[nodiscard]] bool moved() const noexcept { return moved_; }
   // The hand is beyond the border.
   [[nodiscard]] bool beyond() const noexcept { return beyond_; }

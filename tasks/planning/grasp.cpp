@@ -30,7 +30,8 @@ struct Place {
 
 Vec3 level(const Vec3& v, const Vec3& up) noexcept { return v - v.dot(up) * up; }
 
-// Fills base_m and joint_rad: the middle of the longest run of distances from which the wrist gets there.
+// Fills base_m and joint_rad: the middle of the longest run of distances from which the wrist gets
+// there.
 bool reach(double height_m, double pitch_rad, double depth_m, const GraspConfig& c,
            Grasp& g) noexcept {
   const bool from_above = pitch_rad > 0.75 * kPi;

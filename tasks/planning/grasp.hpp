@@ -15,9 +15,9 @@
 // direction; its range of nearly a full turn covers every direction, since the gripper is the same
 // after half a turn.
 //
-// Frames: W world, O object (principal axes), G grasp: origin between the finger tips, z the approach, x the closing
-// direction. Angles of the joints from the upright (candle) pose, forward positive. Lengths from the vendor's
-// description (URDF chain, data sheet of 2015).
+// Frames: W world, O object (principal axes), G grasp: origin between the finger tips, z the
+// approach, x the closing direction. Angles of the joints from the upright (candle) pose, forward
+// positive. Lengths from the vendor's description (URDF chain, data sheet of 2015).
 #pragma once
 
 #include <array>
@@ -78,8 +78,8 @@ struct Grasp {
 [[nodiscard]] Grasp find_grasp(const ObjectBox& box, const Vec3& up_W, const Vec3& floor_W,
                                const Vec3& robot_W, const GraspConfig& config) noexcept;
 
-// Joints 2, 3, 4 that bring the wrist (joint 4) to (x, z) from the shoulder with the hand at `pitch_rad` from
-// upright; false: not within the ranges.
+// Joints 2, 3, 4 that bring the wrist (joint 4) to (x, z) from the shoulder with the hand at
+// `pitch_rad` from upright; false: not within the ranges.
 [[nodiscard]] bool arm_joints(double x_m, double z_m, double pitch_rad, const GraspConfig& config,
                               std::array<double, 3>& joint_rad) noexcept;
 

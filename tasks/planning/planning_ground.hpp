@@ -1,4 +1,5 @@
-// What the parts of the planning task share: the ground plane of a map, seen from W, and distances on it.
+// What the parts of the planning task share: the ground plane of a map, seen from W, and distances
+// on it.
 #pragma once
 
 #include <algorithm>

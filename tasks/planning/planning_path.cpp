@@ -96,8 +96,9 @@ PlanStatus PlanningTask::find_start(const CostMap& map, Point2 robot, const rt::
   return tick.cancelled() ? PlanStatus::kCancelled : PlanStatus::kStartBlocked;
 }
 
-// The driveable cells to which the base may come straight. What is occupied (a no-go area drawn over the robot,
-// a box pushed to it) may be nearer than its radius now; no obstacle may come nearer than that, or than it is.
+// The driveable cells to which the base may come straight. What is occupied (a no-go area drawn
+// over the robot, a box pushed to it) may be nearer than its radius now; no obstacle may come
+// nearer than that, or than it is.
 std::size_t PlanningTask::find_escapes(const CostMap& map, Point2 robot,
                                        const rt::Tick& tick) noexcept {
   const double res = map.resolution;
@@ -174,8 +175,8 @@ bool PlanningTask::find_goal(const CostMap& map, Point2 mark, Point2 facing,
   return std::isfinite(best);
 }
 
-// A cell from which the arm reaches: of a grasp from above any in a ring about it, of one from the side where the
-// hand comes straight. A cell off either way is near enough.
+// A cell from which the arm reaches: of a grasp from above any in a ring about it, of one from the
+// side where the hand comes straight. A cell off either way is near enough.
 bool PlanningTask::find_stand(const CostMap& map, Point2 mark, Point2 facing,
                               Point2& goal) const noexcept {
   const Grasp& g = state_.goal.grasp;
@@ -212,8 +213,8 @@ bool PlanningTask::may_try(std::uint64_t mark_seq) noexcept {
   return tried_;
 }
 
-// Something moves, and all that can be reached is far from where the mark would have the base: it will be out of the
-// way before the base has been there and back.
+// Something moves, and all that can be reached is far from where the mark would have the base: it
+// will be out of the way before the base has been there and back.
 bool PlanningTask::worth_waiting(const CostMap& map, Point2 mark, Point2 goal) const noexcept {
   constexpr double kMore_m = 0.3;
   const Goal& g = state_.goal;

@@ -178,8 +178,9 @@ rt::Health PlanningTask::take_events(const In& in, Out& out) noexcept {
   return health;
 }
 
-// A mark on an object means the object. Its centre wanders by centimetres while more and more of it is seen,
-// so only a longer way counts. After the arrival nothing is followed: the robot moves on a mark alone.
+// A mark on an object means the object. Its centre wanders by centimetres while more and more of it
+// is seen, so only a longer way counts. After the arrival nothing is followed: the robot moves on a
+// mark alone.
 rt::Health PlanningTask::follow_object(const ObjectList& list, Out& out) noexcept {
   Goal& g = state_.goal;
   using Phase = TaskState::Phase;

@@ -104,8 +104,8 @@ PathFollower::Goal PathFollower::next(const Pose2& predicted_X_WB) noexcept {
   double s = std::min(progress_ + config_.look_ahead_m, end);
   const double nearest = std::min(progress_ + config_.look_ahead_min_m, end);
   while (s > nearest && bend(on_path, progress_, s) > allowed) s = std::max(nearest, s - kStep);
-  // A base that is off the path by more than the corridor (the path was changed under way) is led back first:
-  // the chord from it may not cut off what lies between the way back and the path.
+  // A base that is off the path by more than the corridor (the path was changed under way) is led
+  // back first: the chord from it may not cut off what lies between the way back and the path.
   const auto cut = [&] {
     const Pose2 to = at(s);
     return foot(on_path.x, on_path.y, predicted_X_WB.x, predicted_X_WB.y, to.x, to.y).distance;

@@ -109,8 +109,8 @@ Health PredictionTask::correct_map(const In& in) noexcept {
   return Health::of(Severity::kCounted, prediction_fault::kCorrectionRefused);
 }
 
-// Would the stated error be within the limit where the base comes to rest if it was told to now? The news takes until
-// the next job and the way there; below half of the limit it goes on.
+// Would the stated error be within the limit where the base comes to rest if it was told to now?
+// The news takes until the next job and the way there; below half of the limit it goes on.
 bool PredictionTask::sure_enough(double lead_s) noexcept {
   if (!config_.map_correction) return true;
   const double speed = std::hypot(state_.vx, state_.vy);
@@ -143,8 +143,8 @@ void PredictionTask::write_frame(Out& out) noexcept {
   if (world_.claimed_t() >= 0) f.claimed = epoch_ + rt::nanos_from_seconds(world_.claimed_t());
 }
 
-// Whether the robot state is young enough to drive on, and has been for a while: at the limit itself the base would
-// start and stop with every job. Else `frame` says why not.
+// Whether the robot state is young enough to drive on, and has been for a while: at the limit
+// itself the base would start and stop with every job. Else `frame` says why not.
 bool PredictionTask::in_time(const rt::Tick& tick, const In& in, OdometryFrame& frame) noexcept {
   using std::chrono::milliseconds;
   const rt::Nanos age = std::max(tick.start - state_.taken, rt::Nanos{0}) + in.robot_unsure;
@@ -166,8 +166,9 @@ bool PredictionTask::in_time(const rt::Tick& tick, const In& in, OdometryFrame& 
   return true;
 }
 
-// So that the way driven on a state, from when it was measured until the goal made from it ends, stays within
-// `blind_way_m`, and that within the uncertainty of the delay within `uncertainty_share_m`.
+// So that the way driven on a state, from when it was measured until the goal made from it ends,
+// stays within `blind_way_m`, and that within the uncertainty of the delay within
+// `uncertainty_share_m`.
 double PredictionTask::speed_limit(rt::Nanos age, rt::Nanos life, rt::Nanos unsure) const noexcept {
   const double blind_s = rt::seconds(age + life), unsure_s = rt::seconds(unsure);
   double limit = config_.speed_m_per_s;

@@ -14,10 +14,10 @@
 // The goal is chosen between path point and marked point by the larger distance to the robot (see
 // path_follower.hpp) from where the robot will be one round trip later, by its predicted velocity
 // (motion_predictor.hpp). It never lies beyond the path's end, so the robot slows down to it.
-// A camera that is lost leaves odometry, whose stated error grows with the way. Before it passes `error_limit_m` with
-// the base at rest, goals are no longer engaged; they are again when it is below half of that.
-// Frames: W world (= map), O odometry (equal to W at the start; X_WO follows the camera's claimed poses unless
-// `map_correction` is off), B base. SI units.
+// A camera that is lost leaves odometry, whose stated error grows with the way. Before it passes
+// `error_limit_m` with the base at rest, goals are no longer engaged; they are again when it is
+// below half of that. Frames: W world (= map), O odometry (equal to W at the start; X_WO follows
+// the camera's claimed poses unless `map_correction` is off), B base. SI units.
 #pragma once
 
 #include <cstdint>
@@ -40,7 +40,8 @@ struct PredictionConfig {
   MotionPredictorConfig motion;
   PathFollowerConfig path;
   double speed_m_per_s = 0.5;  // sent as the goal's speed limit
-  // A goal is followed until the one after the next should have come: two periods of this task, one of the link's.
+  // A goal is followed until the one after the next should have come: two periods of this task, one
+  // of the link's.
   int goal_hold_ms = 250;
   int goal_valid_ms = limit_of(EdgeId::kGoal, TaskId::kRobotIo).data_age_ms;
   // Older robot states do not drive.
@@ -120,8 +121,8 @@ class PredictionTask {
     PredictionTelemetry telemetry;
   };
 
-  // `X_BC`: camera in the base, used by the map correction only. `start_known`: O is W at the start; else nothing is
-  // engaged before a claimed pose says where the base is.
+  // `X_BC`: camera in the base, used by the map correction only. `start_known`: O is W at the
+  // start; else nothing is engaged before a claimed pose says where the base is.
   PredictionTask(rt::NonRealtime&, const PredictionConfig&, const Pose& X_BC = Pose::Identity(),
                  bool start_known = true);
   // One cycle. No throw, lock, allocation or I/O.

@@ -38,7 +38,8 @@ WorldFilter::WorldFilter(const WorldFilterConfig& c, bool start_known) noexcept 
   }
 }
 
-// A step of the base: what was wrong before turns the step as well, what is wrong in it acts from half of it on.
+// A step of the base: what was wrong before turns the step as well, what is wrong in it acts from
+// half of it on.
 void WorldFilter::carry(Error& e, double dx, double dy, double turn) noexcept {
   Matrix3 F = Matrix3::Identity();
   F(0, 2) = -dy;
@@ -95,7 +96,8 @@ bool WorldFilter::add_odometry(double t, const Pose2& X_OB) noexcept {
 }
 
 void WorldFilter::restart_odometry() noexcept {
-  // Where the base is stays known; what it does from here on is told in another frame, whose first pose comes next.
+  // Where the base is stays known; what it does from here on is told in another frame, whose first
+  // pose comes next.
   size_ = head_ = 0;
   at_first_.P =
       Eigen::Vector3d(kUnknown_m * kUnknown_m, kUnknown_m * kUnknown_m, 100.0).asDiagonal();
@@ -118,7 +120,8 @@ Pose2 WorldFilter::odometry_at(double t, int& before) const noexcept {
                              {f * (k * d.x + half * d.y), f * (-half * d.x + k * d.y), f * d.yaw}));
 }
 
-// The samples before `t` go; the one at `t` comes first. The error at the first sample is set by the caller.
+// The samples before `t` go; the one at `t` comes first. The error at the first sample is set by
+// the caller.
 void WorldFilter::drop_until(double t, int before, const Pose2& X_OB) noexcept {
   head_ = (head_ + before) % kSamples;
   size_ -= before;
@@ -170,7 +173,8 @@ WorldFilter::Taken WorldFilter::refuse(double t, const Pose2& X_WB, const Pose2&
                                        double off_m) noexcept {
   bool agrees = false;
   if (refused_ > 0 && t > refused_t_) {
-    // What odometry says happened since the last one that was refused, from where that one saw the base.
+    // What odometry says happened since the last one that was refused, from where that one saw the
+    // base.
     const Pose2 expected = compose(refused_X_WB_, compose(inverse(refused_X_OB_), X_OB));
     Error e;
     e.P = camera_;

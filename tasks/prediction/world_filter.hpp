@@ -1,23 +1,28 @@
-// Where the odometry frame O lies in the world W, and how sure that is: the camera's claimed poses and the wheels, each
-// weighted by what it may err.
+// Where the odometry frame O lies in the world W, and how sure that is: the camera's claimed poses
+// and the wheels, each weighted by what it may err.
 //
-// State     the base's pose X_WB at the instant of the newest claimed image, its covariance P, and the odometry since.
-// Odometry  add_odometry(): poses X_OB in order of time. From one to the next the base's error grows by four unknown
-//           shares, the same ones from one claimed pose to the next (a slip does not average out on the way):
+// State     the base's pose X_WB at the instant of the newest claimed image, its covariance P, and
+//           the odometry since.
+// Odometry  add_odometry(): poses X_OB in order of time. From one to the next the base's error
+//           grows by four unknown shares, the same ones from one claimed pose to the next (a slip
+//           does not average out on the way):
 //             along, across   `translation_share` of the way, each
 //             turn            `rotation_share` of the turn, and `deg_per_m` of the way
 //           so without a camera the stated error grows with the way, not with its root, and a heading that is wrong by
 //           a leads aside by a times the way. J holds the error of the pose by each share.
-// Camera    add_camera(): the base's pose at an exposure, in order of exposures, however late each arrives: what was
-//           driven since stays on top. Before it is used P takes up J S J^T, and the shares start anew. Kalman's update
-//           with the camera's stated error; a pose farther off than the covariance lets expect (chi-square, three
-//           degrees of freedom, 0.999) is refused. Poses that are refused and agree with each other by what odometry may
-//           err in between are believed after `agree` of them in a row (the base was carried, a wheel spun): the
-//           filter starts again from there.
-// Stated    error_m(): three standard deviations of the place along the worst direction, with the camera's own error,
-//           which is that of the map and does not average out; and while poses are being refused, how far off they are.
+// Camera    add_camera(): the base's pose at an exposure, in order of exposures, however late each
+//           arrives: what was driven since stays on top. Before it is used P takes up J S J^T, and
+//           the shares start anew. Kalman's update with the camera's stated error; a pose farther
+//           off than the covariance lets expect (chi-square, three degrees of freedom, 0.999) is
+//           refused. Poses that are refused and agree with each other by what odometry may err in
+//           between are believed after `agree` of them in a row (the base was carried, a wheel
+//           spun): the filter starts again from there.
+// Stated    error_m(): three standard deviations of the place along the worst direction, with the
+//           camera's own error, which is that of the map and does not average out; and while poses
+//           are being refused, how far off they are.
 //
-// Frames: W world, O odometry, B base. Covariances are of (x, y in W; yaw) of the base's pose. SI. Allocates nothing.
+// Frames: W world, O odometry, B base. Covariances are of (x, y in W; yaw) of the base's pose. SI.
+// Allocates nothing.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,6 @@
-// What a user of the installed core does: describe three tasks, ask whether they fit, check the answer
-// by the response-time recurrence worked out by hand, pass records through a Ring, read a setting.
+// What a user of the installed core does: describe three tasks, ask whether they fit, check the
+// answer by the response-time recurrence worked out by hand, pass records through a Ring, read a
+// setting.
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -29,8 +30,8 @@ rt::TaskSpec spec(const char* name, std::int64_t rate_hz, rt::Nanos budget) {
   return s;
 }
 
-// Three tasks on one core, no switch cost, deadlines as periods. By hand: R1 = 1; R2 = 2 + 1 = 3; the third
-// is the least w with w = 5 + ceil(w / 4) 1 + ceil(w / 10) 2: 8, 9, 10, 10.
+// Three tasks on one core, no switch cost, deadlines as periods. By hand: R1 = 1; R2 = 2 + 1 = 3;
+// the third is the least w with w = 5 + ceil(w / 4) 1 + ceil(w / 10) 2: 8, 9, 10, 10.
 void response_times() {
   const rt::AnalysisTask tasks[3] = {
       {milliseconds{1}, milliseconds{4}, milliseconds{4}, rt::Nanos{0}, rt::Nanos{0}, 0},

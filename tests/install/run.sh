@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Installs a build to a temporary prefix, moves the prefix (it must not know where it was), builds the
-# consumer against it and runs it; a wrong version and an unknown part must be refused.
+# Installs a build to a temporary prefix, moves the prefix (it must not know where it was), builds
+# the consumer against it and runs it; a wrong version and an unknown part must be refused.
 #
-#   tests/install/run.sh [--headers] BUILD_FOLDER [PART...]      parts: rt perception drivers tasks program
+#   tests/install/run.sh [--headers] BUILD_FOLDER [PART...]      parts: rt perception drivers tasks
+#                                                                program
 #
 # --headers: also compiles each installed header alone; some minutes.
 set -euo pipefail
@@ -75,7 +76,8 @@ if [ -x "$prefix/bin/teletact" ]; then
   [ -f "$prefix/share/teletact/config/scenes/default_room.toml" ]
   (cd "$temporary" && "$prefix/bin/teletact" demo --clock virtual --bodies stub --seconds 1 --quiet --report "$temporary/report" >"$temporary/demo.log") ||
     { cat "$temporary/demo.log" >&2; exit 1; }
-  # The services: units that systemd takes, with little to attack, and their user. Judged where it is there.
+  # The services: units that systemd takes, with little to attack, and their user. Judged where it
+  # is there.
   for box in robot operator; do
     unit=$prefix/lib/systemd/system/teletact-$box.service
     grep -q "^# The $box's box as a service" "$unit" || { echo "install: $unit is another box's" >&2; exit 1; }
@@ -91,7 +93,8 @@ if [ -x "$prefix/bin/teletact" ]; then
   if command -v systemd-sysusers >/dev/null; then
     systemd-sysusers --dry-run "$prefix/lib/sysusers.d/teletact.conf" >/dev/null
   fi
-  # The measuring program lies where the installed program looks for it; without it, one line says so.
+  # The measuring program lies where the installed program looks for it; without it, one line says
+  # so.
   "$prefix/bin/teletact" stability --help | grep -q '^teletact stability: ' ||
     { echo "install: the installed program does not start teletact-measure" >&2; exit 1; }
   rm "$prefix/libexec/teletact/teletact-measure"

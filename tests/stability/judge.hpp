@@ -1,8 +1,9 @@
-// Runs hard cases of touch and judges every check of every run. What is over its limit is failed, and printed as FAILED
-// with the optimum's own figure, whether the optimum is over the limit as well or not. The test passes only if what failed is what is
-// listed: of each check how many runs, in how many of these the optimum does not fail as far, the worst figure and the optimum's own
-// in that run, and the same of the worst one that the optimum does not fail as far. So nothing new fails unnoticed, and nothing on
-// the list is met unnoticed.
+// Runs hard cases of touch and judges every check of every run. What is over its limit is failed,
+// and printed as FAILED with the optimum's own figure, whether the optimum is over the limit as
+// well or not. The test passes only if what failed is what is listed: of each check how many runs,
+// in how many of these the optimum does not fail as far, the worst figure and the optimum's own in
+// that run, and the same of the worst one that the optimum does not fail as far. So nothing new
+// fails unnoticed, and nothing on the list is met unnoticed.
 #pragma once
 
 #include <gtest/gtest.h>

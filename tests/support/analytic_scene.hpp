@@ -1,5 +1,5 @@
-// Planes and boxes with exact ray casts: closed-form depth images and vertex/normal maps for tests of
-// tracking and mapping. Header only, double precision, slow, shares no code with the product.
+// Planes and boxes with exact ray casts: closed-form depth images and vertex/normal maps for tests
+// of tracking and mapping. Header only, double precision, slow, shares no code with the product.
 #pragma once
 
 #include <array>

@@ -1,4 +1,5 @@
-// How near the robot's body comes to what stands in the world: brute force over points of its surface.
+// How near the robot's body comes to what stands in the world: brute force over points of its
+// surface.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +14,8 @@ namespace tests {
 
 using perception::Vec3;
 
-// Points of the robot's surface at most `step` apart, in B: top, bottom and sides of every box of its body.
+// Points of the robot's surface at most `step` apart, in B: top, bottom and sides of every box of
+// its body.
 inline std::vector<Vec3> body_points(double step = 0.01) {
   std::vector<Vec3> out;
   for (const auto& b : drivers::youbot_body()) {
@@ -35,7 +37,8 @@ inline std::vector<Vec3> body_points(double step = 0.01) {
   return out;
 }
 
-// Least distance of the body at a pose to what stands in the world, by brute force over its surface.
+// Least distance of the body at a pose to what stands in the world, by brute force over its
+// surface.
 inline double clearance_m(const drivers::World& world, double x_m, double y_m, double yaw_rad) {
   static const std::vector<Vec3> body = body_points();
   const auto shapes = world.shapes();

@@ -1,7 +1,7 @@
-// The voxel vote of docs/segmentation.md, once more and plainly: every voxel of every block, in double
-// precision, from the raw depth image. Shares no code with the product; of the map it reads only which
-// blocks there are and their distances (an oracle of its own checks those). What a float may decide
-// either way is left undecided, and so is the voxel from then on.
+// The voxel vote of docs/segmentation.md, once more and plainly: every voxel of every block, in
+// double precision, from the raw depth image. Shares no code with the product; of the map it reads
+// only which blocks there are and their distances (an oracle of its own checks those). What a float
+// may decide either way is left undecided, and so is the voxel from then on.
 #pragma once
 
 #include <algorithm>
@@ -56,7 +56,8 @@ class LabelOracle {
         any = any || (voxel.sure && voxel.label > 0);
         doubt = doubt || !voxel.sure;
       }
-      // Room is taken where something is labelled; where that hangs on a voxel in doubt, the map says.
+      // Room is taken where something is labelled; where that hangs on a voxel in doubt, the map
+      // says.
       const bool kept = any || (doubt && map.block_labels(b) != nullptr);
       if (kept) {
         blocks_[key] = work;
@@ -75,8 +76,8 @@ class LabelOracle {
     bool fused = false, sure = true;
   };
 
-  // What images before this one would have made of a voxel that had no room: background, as often as it
-  // was observed near the surface.
+  // What images before this one would have made of a voxel that had no room: background, as often
+  // as it was observed near the surface.
   [[nodiscard]] Voxel background_so_far(const perception::TsdfMap& map, std::uint32_t word) const {
     const double distance_m =
         static_cast<std::int16_t>(word & 0xffffU) * static_cast<double>(map.metres_per_unit());

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# run_without_page.sh SOURCE: tools/run on a terminal, with a program and a build that only say what they were asked.
-# Without the page it is the script's run, and the last line says why; the exit code is the program's.
+# run_without_page.sh SOURCE: tools/run on a terminal, with a program and a build that only say what
+# they were asked. Without the page it is the script's run, and the last line says why; the exit
+# code is the program's.
 set -euo pipefail
 root=$(mktemp -d)
 trap 'rm -rf "$root"' EXIT

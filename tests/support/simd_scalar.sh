@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# simd_scalar.sh PROGRAM: a short demo with --simd scalar gives the same bytes as one that was started with libm's
-# vector forms off, and the loader takes the setting (a name that it does not know would change nothing).
+# simd_scalar.sh PROGRAM: a short demo with --simd scalar gives the same bytes as one that was
+# started with libm's vector forms off, and the loader takes the setting (a name that it does not
+# know would change nothing).
 set -euo pipefail
 program=${1:?usage: simd_scalar.sh PROGRAM}
 folder=$(mktemp -d)

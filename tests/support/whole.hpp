@@ -1,5 +1,6 @@
-// Tests that assert the same of many samples: few of them in every run, all where TELETACT_WHOLE is set (tools/test --all,
-// ctest -C all: the tests <name>.whole that WHOLE_TESTS of teletact_test declares).
+// Tests that assert the same of many samples: few of them in every run, all where TELETACT_WHOLE is
+// set (tools/test --all, ctest -C all: the tests <name>.whole that WHOLE_TESTS of teletact_test
+// declares).
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# run.sh PROGRAM [RUNS [BUSY_RUNS]]: the whole demo as a user without any right (no capability, rtprio 0, 8 MiB of locked memory), on two
-# cores and on one: it marks, plans, arrives, and says that it is not real-time, why, and what gives the right. BUSY_RUNS: so often
-# again with a compiler at work on every core.
+# run.sh PROGRAM [RUNS [BUSY_RUNS]]: the whole demo as a user without any right (no capability,
+# rtprio 0, 8 MiB of locked memory), on two cores and on one: it marks, plans, arrives, and says
+# that it is not real-time, why, and what gives the right. BUSY_RUNS: so often again with a compiler
+# at work on every core.
 set -uo pipefail
 program=${1:?usage: run.sh PROGRAM [RUNS [BUSY_RUNS]]}
 runs=${2:-1}
@@ -12,7 +13,8 @@ for tool in setpriv prlimit taskset; do
 done
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
-# Where it was built another user may not look: the program and its configuration lie beside each other, as installed.
+# Where it was built another user may not look: the program and its configuration lie beside each
+# other, as installed.
 source_root=$(cd "$(dirname "$0")/../.." && pwd)
 mkdir -p "$folder/bin" "$folder/share/teletact"
 cp "$program" "$folder/bin/teletact"
@@ -66,7 +68,8 @@ demos() {
   if [ "$(nproc)" -ge 2 ]; then demo 0,1; fi
   demo 0
 }
-# A compiler on core $1 until the file is taken away, or this script is gone. Its rounds are counted.
+# A compiler on core $1 until the file is taken away, or this script is gone. Its rounds are
+# counted.
 compile_on() {
   while [ -e "$folder/busy" ] && kill -0 $$ 2>/dev/null; do
     taskset -c "$1" c++ -x c++ -std=c++20 -O2 -fsyntax-only - <<<'#include <bits/stdc++.h>' && echo round >>"$folder/compiled.$1"

@@ -33,11 +33,12 @@ struct OutputFile {
   std::string option, path;  // an empty path: not asked for
 };
 
-// Throws std::runtime_error naming the option and the file if one can not be written (tried beside its
-// place; nothing is left there), is also another output, or is one of the files that are read.
+// Throws std::runtime_error naming the option and the file if one can not be written (tried beside
+// its place; nothing is left there), is also another output, or is one of the files that are read.
 void check_outputs(const std::vector<OutputFile>& outputs, const std::vector<std::string>& inputs);
 
-// Makes the folder and tries to write in it. Throws std::runtime_error naming the option and the folder.
+// Makes the folder and tries to write in it. Throws std::runtime_error naming the option and the
+// folder.
 void make_output_folder(const std::string& option, const std::string& folder);
 
 struct Output {

@@ -1,4 +1,5 @@
-# libgpiod, version 1.6 or 2.x, as one imported target, libgpiod::libgpiod. Debian's package brings a pkg-config file only.
+# libgpiod, version 1.6 or 2.x, as one imported target, libgpiod::libgpiod. Debian's package brings
+# a pkg-config file only.
 find_path(LibGpiod_INCLUDE_DIR gpiod.h)
 find_library(LibGpiod_LIBRARY gpiod)
 include(FindPackageHandleStandardArgs)

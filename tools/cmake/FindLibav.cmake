@@ -1,4 +1,5 @@
-# libavcodec with libavutil as one imported target, libav::avcodec. Debian's packages bring pkg-config files only.
+# libavcodec with libavutil as one imported target, libav::avcodec. Debian's packages bring
+# pkg-config files only.
 find_path(Libav_INCLUDE_DIR libavcodec/avcodec.h PATH_SUFFIXES ffmpeg)
 find_library(Libav_avcodec_LIBRARY avcodec)
 find_library(Libav_avutil_LIBRARY avutil)

@@ -1,5 +1,6 @@
-# OMPL as one imported target, ompl::ompl. OMPL's own config file also names libraries that the planner
-# does not use, and by absolute paths, which an installed package of ours must not carry along.
+# OMPL as one imported target, ompl::ompl. OMPL's own config file also names libraries that the
+# planner does not use, and by absolute paths, which an installed package of ours must not carry
+# along.
 find_path(OmplLibrary_INCLUDE_DIR ompl/config.h PATH_SUFFIXES ompl-1.7 ompl-1.6 ompl-1.5)
 find_library(OmplLibrary_LIBRARY ompl)
 include(FindPackageHandleStandardArgs)

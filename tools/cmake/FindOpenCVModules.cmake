@@ -1,5 +1,6 @@
 # The OpenCV modules in use, from their own Debian packages. Debian's OpenCVConfig.cmake comes only
-# with the metapackage libopencv-dev (300 packages); headers and libraries of one module do not need it.
+# with the metapackage libopencv-dev (300 packages); headers and libraries of one module do not need
+# it.
 find_path(OpenCVModules_INCLUDE_DIR opencv2/core.hpp PATH_SUFFIXES opencv4)
 set(OpenCVModules_required OpenCVModules_INCLUDE_DIR)
 foreach(module ${OpenCVModules_FIND_COMPONENTS})

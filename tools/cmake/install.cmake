@@ -1,7 +1,9 @@
 # What `cmake --install` puts where, beside the libraries (teletact_install) and the program:
-#   include/teletact/<module>/<folder>/   public headers; "rt/sched/admission.hpp" works as in the tree
+#   include/teletact/<module>/<folder>/   public headers; "rt/sched/admission.hpp" works as in the
+#                                         tree
 #   lib/cmake/teletact/                   find_package(teletact)
-#   share/teletact/config/                scenes, fault plans, limits; found by the program from bin/
+#   share/teletact/config/                scenes, fault plans, limits; found by the program from
+#                                         bin/
 #   share/teletact/console/               the operator's page (tools/console/page)
 #   lib/systemd/system/                   units that run a box as a service
 #   lib/sysusers.d/teletact.conf          their user

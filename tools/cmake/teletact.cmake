@@ -5,8 +5,8 @@ include(GNUInstallDirs)
 set(TELETACT_INSTALL_INCLUDE ${CMAKE_INSTALL_INCLUDEDIR}/teletact)
 set(TELETACT_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/teletact)
 
-# teletact_install(<module>_<folder>): exports teletact_x as teletact::x. The parts that can be installed
-# and found apart are the top folders; config goes with rt, which everything needs.
+# teletact_install(<module>_<folder>): exports teletact_x as teletact::x. The parts that can be
+# installed and found apart are the top folders; config goes with rt, which everything needs.
 function(teletact_install name)
   string(REGEX REPLACE "_.*" "" part ${name})
   if(part MATCHES "^(config|options)$")
@@ -20,8 +20,8 @@ endfunction()
 add_library(teletact_options INTERFACE)
 target_include_directories(teletact_options INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${TELETACT_INSTALL_INCLUDE}>)
-# -ffp-contract=off: the same bytes from every instruction set; an FMA would round once less. Some of
-# the algorithms live in headers, so a consumer gets it too; warnings and optimisation stay ours.
+# -ffp-contract=off: the same bytes from every instruction set; an FMA would round once less. Some
+# of the algorithms live in headers, so a consumer gets it too; warnings and optimisation stay ours.
 # -Wno-restrict: GCC 12 warns falsely of overlapping copies in std::string + "literal" (PR 105329).
 target_compile_options(teletact_options INTERFACE
   "$<BUILD_INTERFACE:-Wall;-Wextra;-Wpedantic;-Wshadow;-Wconversion;-Wno-sign-conversion>"
@@ -43,7 +43,8 @@ target_include_directories(teletact_options SYSTEM INTERFACE
   $<BUILD_INTERFACE:$<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>>)
 teletact_install(options)
 
-# Kernels that Highway compiles once per instruction set include themselves again: never together with others.
+# Kernels that Highway compiles once per instruction set include themselves again: never together
+# with others.
 function(teletact_alone)
   foreach(source ${ARGN})
     file(STRINGS ${source} found REGEX "HWY_TARGET_INCLUDE|include \"hwy/|vectors-inl.hpp" LIMIT_COUNT 1)
@@ -53,9 +54,10 @@ function(teletact_alone)
   endforeach()
 endfunction()
 
-# teletact_library(<module>_<folder> [FOLDER dir] [PARTS dir...] [DEPS ours...] [PACKAGES imported...] [PRIVATE header...])
-# Takes every .cpp of the folder, and of the folders in it that PARTS names; headers only become an interface library.
-# PRIVATE: headers below the folder that are not installed. Only what is below the folder, and tests, may include them
+# teletact_library(<module>_<folder> [FOLDER dir] [PARTS dir...] [DEPS ours...] [PACKAGES
+# imported...] [PRIVATE header...]) Takes every .cpp of the folder, and of the folders in it that
+# PARTS names; headers only become an interface library. PRIVATE: headers below the folder that are
+# not installed. Only what is below the folder, and tests, may include them
 # (tools/check_headers.py).
 function(teletact_library name)
   cmake_parse_arguments(A "" "FOLDER" "PARTS;DEPS;PACKAGES;PRIVATE" ${ARGN})
@@ -89,8 +91,9 @@ function(teletact_library name)
   teletact_install(${name})
 endfunction()
 
-# Compiles files of a test or a measurement together, in groups that tools/unity_groups.py finds when the build is
-# configured. After an edit that gives a file a name of its group, run cmake again.
+# Compiles files of a test or a measurement together, in groups that tools/unity_groups.py finds
+# when the build is configured. After an edit that gives a file a name of its group, run cmake
+# again.
 function(teletact_together target)
   if(NOT TELETACT_UNITY)
     return()
@@ -126,9 +129,9 @@ function(teletact_together target)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
-# Headers that many files of one kind include, precompiled once: for programs (tests), or for libraries that make
-# position-independent code. The first call for a kind declares the target that owns them.
-# Their files are compiled together too (above).
+# Headers that many files of one kind include, precompiled once: for programs (tests), or for
+# libraries that make position-independent code. The first call for a kind declares the target that
+# owns them. Their files are compiled together too (above).
 # teletact_precompiled(<target> <kind> <header> [PACKAGES imported...])
 function(teletact_precompiled target kind header)
   teletact_together(${target})
@@ -150,29 +153,36 @@ function(teletact_precompiled target kind header)
     target_precompile_headers(${owner} PRIVATE ${PROJECT_SOURCE_DIR}/${header})
   endif()
   target_precompile_headers(${target} REUSE_FROM ${owner})
-  # GCC 12 takes a precompiled std::string for ours and warns falsely in `"literal" + std::string` (as above).
+  # GCC 12 takes a precompiled std::string for ours and warns falsely in `"literal" + std::string`
+  # (as above).
   target_compile_options(${target} PRIVATE -Wno-stringop-overflow -Wno-stringop-overread -Wno-array-bounds)
 endfunction()
 
-# Built alone by tools/test --all: the programs with the label sanitize, and those with threads; by --ci: those with bytes.
+# Built alone by tools/test --all: the programs with the label sanitize, and those with threads; by
+# --ci: those with bytes.
 add_custom_target(sanitize_tests)
 add_custom_target(threads_tests)
 add_custom_target(bytes_tests)
 
-# teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
+# teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD]
+# [NO_SANITIZE]
 #               [NEEDS_FAULTS] [COST s] [LONG] [LONG_TESTS pattern...] [ALONE_TESTS pattern...] [WHOLE_TESTS pattern...])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
-# minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. LABELS bytes: readers of bytes from outside, and rings: quick ones, that CI runs with
-# AddressSanitizer and UBSan on every change. NEEDS_FAULTS: not declared when
-# TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing runs beside it.
-# COST: about how many seconds it takes, from 10 on: ctest begins with the longest, so that none runs alone at the end. LONG: takes hours; run by tools/test --long, that is
-# ctest -C long -L long, and by no other ctest. LONG_TESTS: tests that repeat for minutes what others do
-# once; a sanitizer, which takes ten times as long, runs the program without them. ALONE_TESTS: tests that compare CPU times; what
-# another core does changes them (shared cache, shared execution units), so each is a test of its own with nothing beside it; a
-# sanitizer, under which a CPU time is not the product's, runs them with the others. WHOLE_TESTS: tests that take few of their
-# samples (tests/support/whole.hpp); <name>.whole runs them with all, by tools/test --all, that is ctest -C all, and by no other.
+# minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too.
+# LABELS bytes: readers of bytes from outside, and rings: quick ones, that CI runs with
+# AddressSanitizer and UBSan on every change. NEEDS_FAULTS: not declared when TELETACT_FAULTS is
+# OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing
+# runs beside it. COST: about how many seconds it takes, from 10 on: ctest begins with the longest,
+# so that none runs alone at the end. LONG: takes hours; run by tools/test --long, that is ctest -C
+# long -L long, and by no other ctest. LONG_TESTS: tests that repeat for minutes what others do
+# once; a sanitizer, which takes ten times as long, runs the program without them. ALONE_TESTS:
+# tests that compare CPU times; what another core does changes them (shared cache, shared execution
+# units), so each is a test of its own with nothing beside it; a sanitizer, under which a CPU time
+# is not the product's, runs them with the others. WHOLE_TESTS: tests that take few of their samples
+# (tests/support/whole.hpp); <name>.whole runs them with all, by tools/test --all, that is ctest -C
+# all, and by no other.
 function(teletact_test name)
   cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;LONG" "TIMEOUT;COST"
     "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS;WHOLE_TESTS"

@@ -52,8 +52,8 @@ DoctorCheck cores(const Tree& tree) {
 
 namespace {
 
-// Path of this process in a hierarchy, from a line "5:cpu,cpuacct:/path" of /proc/self/cgroup ("0::/path" for the unified
-// one). Empty: not in it.
+// Path of this process in a hierarchy, from a line "5:cpu,cpuacct:/path" of /proc/self/cgroup
+// ("0::/path" for the unified one). Empty: not in it.
 std::optional<std::string> group_of(const Tree& tree, const std::string& controller) {
   std::istringstream lines(tree.text("/proc/self/cgroup").value_or(""));
   for (std::string line; std::getline(lines, line);) {
@@ -70,7 +70,8 @@ std::optional<std::string> group_of(const Tree& tree, const std::string& control
   return std::nullopt;
 }
 
-// A container sees its own group at the top and may know its path from outside: folders that are not there are passed over.
+// A container sees its own group at the top and may know its path from outside: folders that are
+// not there are passed over.
 template <class Read>
 void up_the_groups(const std::string& mount, std::string path, const Read& read) {
   while (!path.empty() && path.back() == '/') path.pop_back();

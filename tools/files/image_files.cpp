@@ -26,8 +26,8 @@ rt::Error error(const std::string& name, const std::string& what) {
   return rt::Error{name + ": " + what};
 }
 
-// What is written to stderr while it lives. Through OpenCV libpng and libjpeg have no other way to say that a
-// file is damaged; libjpeg goes on with grey in place of what it could not read.
+// What is written to stderr while it lives. Through OpenCV libpng and libjpeg have no other way to
+// say that a file is damaged; libjpeg goes on with grey in place of what it could not read.
 class DecoderWords {
  public:
   DecoderWords() : file_(memfd_create("decoder", MFD_CLOEXEC)), stderr_(-1) {

@@ -27,8 +27,8 @@ inline constexpr int kMaxImageSide = drivers::kMaxImageSide;
 [[nodiscard]] rt::Result<perception::Image<perception::Rgb>> read_colour(const std::string& path);
 [[nodiscard]] rt::Result<perception::Image<std::uint16_t>> read_grey(const std::string& path);
 
-// A PNG as bytes: 8 bit when every value is below 256, else 16 bit. Fixed settings, so the same image
-// gives the same bytes.
+// A PNG as bytes: 8 bit when every value is below 256, else 16 bit. Fixed settings, so the same
+// image gives the same bytes.
 [[nodiscard]] std::string encode_labels(perception::ImageView<const std::uint16_t> labels);
 
 }  // namespace teletact

@@ -86,7 +86,8 @@ tasks::CalibrationRow& add_row(tasks::Calibration& c, const std::vector<rt::JobR
   return c.rows.emplace_back(row);
 }
 
-// Where the camera of the stored run was: on the twin of the base, or as the recording's own poses say.
+// Where the camera of the stored run was: on the twin of the base, or as the recording's own poses
+// say.
 class CameraTruth {
  public:
   CameraTruth(const Scene& scene, const RobotHalf& robot) : rgbd_(scene.rgbd_dir) {

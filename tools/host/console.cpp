@@ -187,7 +187,8 @@ void OperatorConsole::keep_what_moves() {
   *seen_.moving_view = v;
 }
 
-// What the newest picture shows at a pixel, or so many of the picture's pixels beside it. False: nothing.
+// What the newest picture shows at a pixel, or so many of the picture's pixels beside it. False:
+// nothing.
 bool OperatorConsole::surface_at(const std::array<double, 2>& pixel, int du, int dv,
                                  perception::Vec3& p_W) const {
   const auto& view = *seen_.view;
@@ -237,15 +238,16 @@ void OperatorConsole::resolve_points(rt::Time now) {
   }
 }
 
-// Whatever has braked the device (its own watchdog, its button, make_safe()): forces want an act, which is counted.
+// Whatever has braked the device (its own watchdog, its button, make_safe()): forces want an act,
+// which is counted.
 void OperatorConsole::mind_device(rt::Time now) {
   if (!force_act_.due(now)) return;
   box_.device().request_enable();
   ++seen_.device_brakes;
 }
 
-// Engage is an act: it must be seen as "no" before it counts, and after a fault that has cleared the
-// person at the desk has to do it again.
+// Engage is an act: it must be seen as "no" before it counts, and after a fault that has cleared
+// the person at the desk has to do it again.
 void OperatorConsole::engage(rt::Time now) {
   using Engage = tasks::SupervisionTask::Engage;
   const auto& script = scene_.operator_script;
@@ -273,8 +275,9 @@ void OperatorConsole::engage(rt::Time now) {
       static_cast<int>(engage_shown_ ? Engage::kYes : Engage::kNo));
 }
 
-// A safe stop, of this box or of the robot's, is cleared by an act of its own: a button that is pressed
-// for a while, so that the robot's motors and encoders have time to let go. Then comes the engage.
+// A safe stop, of this box or of the robot's, is cleared by an act of its own: a button that is
+// pressed for a while, so that the robot's motors and encoders have time to let go. Then comes the
+// engage.
 void OperatorConsole::clear(rt::Time now) {
   constexpr rt::Nanos kPress = std::chrono::milliseconds{500};
   using tasks::Mode;
@@ -300,7 +303,8 @@ void OperatorConsole::clear(rt::Time now) {
   }
 }
 
-// In the order of the script. One that does not fit, or whose pixel shows nothing yet, is asked again.
+// In the order of the script. One that does not fit, or whose pixel shows nothing yet, is asked
+// again.
 void OperatorConsole::edit(rt::Time now) {
   const auto& edits = scene_.operator_script.edits;
   while (edits_scene_ && !page_ && next_edit_ < edits.size()) {

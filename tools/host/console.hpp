@@ -163,8 +163,8 @@ class OperatorConsole {
   std::unique_ptr<rt::LogDrain> log_;
 };
 
-// At the end of a run: <folder>/scene.ply, where the scene asks for a mesh, and options.save_map. Throws
-// std::runtime_error naming the file.
+// At the end of a run: <folder>/scene.ply, where the scene asks for a mesh, and options.save_map.
+// Throws std::runtime_error naming the file.
 void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
                 const tasks::FusionTask& fusion, const std::string& folder,
                 const std::string& map_file);

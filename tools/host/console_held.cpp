@@ -76,8 +76,8 @@ std::string goal_text(const tasks::TaskState& task) {
   return text;
 }
 
-// A job of prediction is a tenth of a second; where the console saw none, the next one counts for it. Settling keeps
-// the reason that it comes from.
+// A job of prediction is a tenth of a second; where the console saw none, the next one counts for
+// it. Settling keeps the reason that it comes from.
 void OperatorConsole::mind_held(const tasks::OdometryFrame& newest) {
   using tasks::Held;
   using Phase = tasks::TaskState::Phase;
@@ -92,7 +92,8 @@ void OperatorConsole::mind_held(const tasks::OdometryFrame& newest) {
   seen_.held_limit_ms = newest.held_limit_ms;
 }
 
-// For the status line, once somebody has engaged: why the base may not be driven, or that goals reach the robot too late.
+// For the status line, once somebody has engaged: why the base may not be driven, or that goals
+// reach the robot too late.
 std::string OperatorConsole::stands() const {
   using tasks::Held;
   if (seen_.engages == 0) return {};

@@ -45,7 +45,8 @@ struct HostPlan {
                                                       const tasks::Calibration& calibration,
                                                       bool page);
 
-// `only_choice`: the one static choice to take ("20 mm"), for calibration; empty: the best that fits.
+// `only_choice`: the one static choice to take ("20 mm"), for calibration; empty: the best that
+// fits.
 [[nodiscard]] HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
                                   const std::vector<int>& cpus, tasks::BestEffortShares shares,
                                   const std::string& only_choice = {});
@@ -60,7 +61,8 @@ struct HostPlan {
 // Steps, rows, cores and modes, for people.
 [[nodiscard]] std::string admission_text(const HostPlan& plan);
 
-// Where a row runs, for an executor, by its place among tasks and then workers; its body is not set.
+// Where a row runs, for an executor, by its place among tasks and then workers; its body is not
+// set.
 [[nodiscard]] rt::PlacedTask placed_task(const HostPlan& plan, std::size_t task);
 
 // Tasks of one box as the header of its run log, with calibration's range of the work count.

@@ -17,8 +17,8 @@ class Pacer final : public rt::Actor {
   static constexpr std::int64_t kStep = 1000000;        // ns of simulated time between two looks
   static constexpr std::int64_t kForgiven = 100000000;  // ns
 
-  // `start`: simulated instant of the first look, when real time begins to count. `now`: a monotonic clock.
-  // `sleep_until` may come back early (a signal): then so much less is waited.
+  // `start`: simulated instant of the first look, when real time begins to count. `now`: a
+  // monotonic clock. `sleep_until` may come back early (a signal): then so much less is waited.
   Pacer(std::int64_t start, std::function<std::int64_t()> now,
         std::function<void(std::int64_t)> sleep_until)
       : next_(start), now_(std::move(now)), sleep_until_(std::move(sleep_until)) {}

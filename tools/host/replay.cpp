@@ -56,8 +56,8 @@ class FedSafety final : public drivers::SafetyIo {
   std::uint8_t fed = 0;
 };
 
-// Frames come from the file, one for each poll that had one; read when fed, so that a poll costs a copy as a
-// driver's does.
+// Frames come from the file, one for each poll that had one; read when fed, so that a poll costs a
+// copy as a driver's does.
 class FedCamera final : public drivers::Camera {
  public:
   FedCamera(const Recording& recording, const perception::Intrinsics& camera)

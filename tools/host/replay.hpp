@@ -1,6 +1,6 @@
-// Runs a recorded box again (input_record.hpp): its own tasks, fed what they were fed, in an order in
-// which every job finds the values it used. Time has no part in it: the instants a job sees are the
-// recorded ones.
+// Runs a recorded box again (input_record.hpp): its own tasks, fed what they were fed, in an order
+// in which every job finds the values it used. Time has no part in it: the instants a job sees are
+// the recorded ones.
 //
 // Which orders are allowed (any one gives the same bytes; tests try random ones):
 //   within a task        latch k, end of k, latch k + 1, ...
@@ -44,7 +44,8 @@ struct ReplayResult {
   [[nodiscard]] bool same() const noexcept { return jobs == equal && first_difference.empty(); }
 };
 
-// `scene` and `faults` of the recorded run. The scene's own recording, if it has one, is not opened.
+// `scene` and `faults` of the recorded run. The scene's own recording, if it has one, is not
+// opened.
 [[nodiscard]] rt::Result<ReplayResult> replay(rt::NonRealtime&, Scene& scene,
                                               const rt::FaultPlan& faults,
                                               const Recording& recording, std::uint64_t seed = 0);

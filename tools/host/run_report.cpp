@@ -122,8 +122,8 @@ ReportMap report_map(const perception::CostMap& c, const OperatorHalf& op, const
 constexpr perception::Rgb kObjectColour{0x8e, 0x24, 0xaa};
 constexpr perception::Rgb kMovingColour{123, 31, 162}, kBodyColour{120, 144, 156};
 
-// Of a pixel of the view: its own colour, but that of an object's mark along its outline; tinted where something moves,
-// or the robot's own body is, before what is shown.
+// Of a pixel of the view: its own colour, but that of an object's mark along its outline; tinted
+// where something moves, or the robot's own body is, before what is shown.
 perception::Rgb pixel_colour(const tasks::SceneView& v, std::size_t i) {
   const auto width = static_cast<std::size_t>(v.intrinsics.width);
   const auto pixels = width * static_cast<std::size_t>(v.intrinsics.height);

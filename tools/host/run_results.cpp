@@ -16,9 +16,9 @@ namespace teletact {
 
 namespace {
 
-// Frames that fusion took, and frames that a newer one had replaced before fusion looked: the numbers
-// of the frames that its jobs used tell both. Of a piece of the run the first frame of it counts as
-// the one behind the last before.
+// Frames that fusion took, and frames that a newer one had replaced before fusion looked: the
+// numbers of the frames that its jobs used tell both. Of a piece of the run the first frame of it
+// counts as the one behind the last before.
 std::pair<std::uint64_t, std::uint64_t> frames_seen(const rt::TaskLog& fusion, bool piece) {
   std::uint64_t newest = 0, seen = 0, before = 0;
   if (fusion.past) {
@@ -230,7 +230,8 @@ std::string not_measured(const RunInfo& info, const OperatorHalf& op, const Robo
   return why;
 }
 
-// Of firm tasks how many a job makes; of hard ones all together, which is to be 0. Only where the program counts.
+// Of firm tasks how many a job makes; of hard ones all together, which is to be 0. Only where the
+// program counts.
 static void add_allocation_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
   double hard = -1;
   for (const auto* log : {&op.log, &robot.log}) {

@@ -29,7 +29,8 @@ namespace teletact {
 
 namespace {
 
-// Before the epoch: as on the real clock, and of a late link what a Hello and a clock exchange take, with one to spare.
+// Before the epoch: as on the real clock, and of a late link what a Hello and a clock exchange
+// take, with one to spare.
 std::int64_t handshake_ns(const drivers::LinkShapeConfig& shape) {
   return std::max<std::int64_t>(
       500000000, 4 * static_cast<std::int64_t>(1e6 * (shape.delay_ms + shape.jitter_ms)));
@@ -70,7 +71,8 @@ void sleep_until(std::int64_t host_ns) {
   }
 }
 
-// Returns the instant at which it ended: that of the plan, or of the first completed job after a request to stop.
+// Returns the instant at which it ended: that of the plan, or of the first completed job after a
+// request to stop.
 template <class Faults>
 std::int64_t execute_all(std::vector<rt::PlacedTask> placed, rt::CostModel& costs,
                          const Faults& faults,

@@ -27,7 +27,8 @@ Script script_of(const drivers::HandScriptConfig& hand) {
   return s;
 }
 
-// Half of the speed limit on the average, and a while to set off and to settle: who takes longer is late.
+// Half of the speed limit on the average, and a while to set off and to settle: who takes longer is
+// late.
 double time_for(const tasks::Path& path, double speed_m_per_s) {
   double way = 0;
   for (std::int32_t i = 1; i < path.size; ++i) {
@@ -53,7 +54,8 @@ double left_m(const OperatorHalf& op, const RobotHalf& robot) {
   return std::hypot(robot.view.truth.back().x_m - end[0], robot.view.truth.back().y_m - end[1]);
 }
 
-// Farthest that the true robot was from a goal when it was said to have arrived there; below 0: not known.
+// Farthest that the true robot was from a goal when it was said to have arrived there; below 0: not
+// known.
 double worst_arrival_m(const OperatorHalf& op, const RobotHalf& robot) {
   double worst = -1;
   for (const Arrival& a : op.view.arrived)
@@ -129,7 +131,8 @@ GoalCheck check_goal(const Scene& scene, const DemoOptions& options, const Opera
     const bool held = held_at_end(op.view);
     c.missed = off + (held ? "the base stands" : "the base was on its way when the run ended") +
                why_held(op.view);
-    // Who asks for less time than the way takes, gets less way; a base that is held gets nowhere in any time.
+    // Who asks for less time than the way takes, gets less way; a base that is held gets nowhere in
+    // any time.
     if (!held && options.seconds < kWholeDemo_s && due > options.seconds) c.judged = false;
   } else {
     c.missed =

@@ -1,7 +1,7 @@
-// The link of the virtual clock: the same two endpoints and the same encoded bytes as over TCP, moved
-// by an actor in simulated time, through the same shaper or over the same network (emulate()).
-// A connection that such a network, or a damaged byte, has ended is made again as by a lasting
-// transport: kAgain_ns later, as soon as the network lets through.
+// The link of the virtual clock: the same two endpoints and the same encoded bytes as over TCP,
+// moved by an actor in simulated time, through the same shaper or over the same network
+// (emulate()). A connection that such a network, or a damaged byte, has ended is made again as by a
+// lasting transport: kAgain_ns later, as soon as the network lets through.
 #pragma once
 
 #include <cstdint>

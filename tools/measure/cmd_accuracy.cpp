@@ -1,5 +1,5 @@
-// teletact accuracy WHAT: what accuracy costs. Error and CPU time of a method over its knobs, as a table, as
-// metrics and as plots with the Pareto front and the default marked.
+// teletact accuracy WHAT: what accuracy costs. Error and CPU time of a method over its knobs, as a
+// table, as metrics and as plots with the Pareto front and the default marked.
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>

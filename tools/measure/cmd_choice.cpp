@@ -1,4 +1,5 @@
-// teletact accuracy choice: settings of segmentation chosen on one half of the images, judged on the other.
+// teletact accuracy choice: settings of segmentation chosen on one half of the images, judged on
+// the other.
 #include <CLI/CLI.hpp>
 #include <iostream>
 

@@ -1,4 +1,5 @@
-// teletact accuracy moving: what a thing that moves in view does to pose, mask and map, against the truth.
+// teletact accuracy moving: what a thing that moves in view does to pose, mask and map, against the
+// truth.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>

@@ -212,8 +212,8 @@ double cost_us(const RunTimes& times, const EffectRow& row, double seconds) {
   return mean_us(p.twin ? t.twin : t.own);
 }
 
-// How far a payer's cost is off in runs that change what somebody else pays for: four of five are no farther than this. With
-// them the two runs of the same keys.
+// How far a payer's cost is off in runs that change what somebody else pays for: four of five are
+// no farther than this. With them the two runs of the same keys.
 double floor_us(const std::vector<Switch>& all, const EffectRow& row,
                 const std::map<Keys, RunTimes>& least, double base, double twice, double seconds) {
   std::vector<double> off{std::abs(base - twice)};
@@ -237,7 +237,8 @@ EffectCosts measure_effects(rt::NonRealtime& nrt, std::ostream& progress, double
   out.seconds = seconds;
   out.rounds = rounds;
   const auto all = switches();
-  // Each set of keys once a round, so that what the machine does meets all alike; what is compared with twice.
+  // Each set of keys once a round, so that what the machine does meets all alike; what is compared
+  // with twice.
   std::map<Keys, RunTimes> least, again;
   for (int round = 0; round < rounds; ++round) {
     progress << "round " << round + 1 << " of " << rounds << "\n";

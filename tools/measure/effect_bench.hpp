@@ -15,7 +15,8 @@
 
 namespace teletact {
 
-// `only`: an effect's name; empty: all. Says on `progress` what it does. Throws std::runtime_error with one line.
+// `only`: an effect's name; empty: all. Says on `progress` what it does. Throws std::runtime_error
+// with one line.
 [[nodiscard]] EffectCosts measure_effects(rt::NonRealtime&, std::ostream& progress, double seconds,
                                           int rounds, const std::string& only = {});
 

@@ -85,7 +85,8 @@ void write(const std::filesystem::path& path, const std::string& bytes) {
 }  // namespace
 
 FuzzReaders::FuzzReaders() {
-  // In memory where there is such a folder: on a disk every rewritten input waits for the blocks it gives back.
+  // In memory where there is such a folder: on a disk every rewritten input waits for the blocks it
+  // gives back.
   const std::filesystem::path memory = "/dev/shm";
   const auto base =
       access(memory.c_str(), W_OK) == 0 ? memory : std::filesystem::temp_directory_path();
@@ -133,8 +134,8 @@ void FuzzReaders::add_images() {
   });
 }
 
-// One file of a good folder is damaged; then the folder is opened and its first frame read. A folder each, for
-// readers may run at once.
+// One file of a good folder is damaged; then the folder is opened and its first frame read. A
+// folder each, for readers may run at once.
 void FuzzReaders::add_recording() {
   struct File {
     const char *name, *text;

@@ -83,7 +83,8 @@ std::vector<StudyScene> scenes() {
           {"ball", ball_solid, ball_right, over_ball, Vec3(0, 0.2, 0.96)}};
 }
 
-// The solid sampled over a cube of 0.32 m; G is the grid's frame, X_GS where the solid stands in it.
+// The solid sampled over a cube of 0.32 m; G is the grid's frame, X_GS where the solid stands in
+// it.
 struct Sampled {
   Pose X_GS = Pose::Identity();
   DenseField field;

@@ -1,4 +1,5 @@
-// teletact-measure: what `teletact bench`, `teletact accuracy` and `teletact stability` start (tools/teletact/measure.hpp).
+// teletact-measure: what `teletact bench`, `teletact accuracy` and `teletact stability` start
+// (tools/teletact/measure.hpp).
 #include <array>
 #include <cstdio>
 #include <cstring>

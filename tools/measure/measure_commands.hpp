@@ -1,5 +1,6 @@
 // The subcommands of teletact-measure: teletact bench|accuracy|stability. Each lives in cmd_<name>.cpp, parses its own
-// arguments (CLI11), throws std::runtime_error with one line for bad input, and returns the exit code.
+// arguments (CLI11), throws std::runtime_error with one line for bad input, and returns the exit
+// code.
 #pragma once
 
 namespace teletact {

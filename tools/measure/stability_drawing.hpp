@@ -1,4 +1,5 @@
-// One figure a case: force and proxy of one of its runs, with the other methods and the field optimum beside.
+// One figure a case: force and proxy of one of its runs, with the other methods and the field
+// optimum beside.
 #pragma once
 
 #include <string>

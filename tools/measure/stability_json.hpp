@@ -1,4 +1,5 @@
-// The result of `teletact stability` as a file: its metrics, and under "checks" every check of every run.
+// The result of `teletact stability` as a file: its metrics, and under "checks" every check of
+// every run.
 #pragma once
 
 #include <memory>
@@ -15,9 +16,9 @@ class StabilityRecord {
   StabilityRecord();
   ~StabilityRecord();
   void take(const stability::Case& c, const stability::Setting& s, const stability::Gated& gated);
-  // {"command", ..., "metrics": [...], "checks": [{case, run, ..., check, value, limit, optimum, met, alone,
-  // alone_optimum, field_bound}]}; an optimum that does not exist is null, and so is `alone` where we are nowhere farther
-  // over the limit than the optimum thereabouts.
+  // {"command", ..., "metrics": [...], "checks": [{case, run, ..., check, value, limit, optimum,
+  // met, alone, alone_optimum, field_bound}]}; an optimum that does not exist is null, and so is
+  // `alone` where we are nowhere farther over the limit than the optimum thereabouts.
   [[nodiscard]] std::string json(const Metrics& metrics) const;
 
  private:

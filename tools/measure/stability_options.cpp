@@ -88,7 +88,8 @@ void check_together(const StabilityOptions& o) {
   }
 }
 
-// Those asked for, else the usual ones. An offset of u voxels puts the grid off by u, 2u, 3u along its axes.
+// Those asked for, else the usual ones. An offset of u voxels puts the grid off by u, 2u, 3u along
+// its axes.
 std::vector<rig::Placement> placements(const StabilityOptions& o) {
   if (o.angles_deg.empty() && o.offsets_vox.empty()) return rig::placements();
   constexpr double kVoxel_m = 0.01;

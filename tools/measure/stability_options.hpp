@@ -25,7 +25,8 @@ struct StabilityOptions {
   }
 };
 
-// False: help was asked for and printed. Throws std::runtime_error naming option, value and what is allowed.
+// False: help was asked for and printed. Throws std::runtime_error naming option, value and what is
+// allowed.
 [[nodiscard]] bool parse_stability(int argc, char** argv, StabilityOptions& out);
 
 // A method with or without the stability layer.
@@ -34,8 +35,8 @@ struct Variant {
   bool layer = true;
   [[nodiscard]] std::string name() const { return layer ? method : method + ", off"; }
 };
-// The first is the one that is judged. The others beside it: every method without the layer, then every one with it,
-// as far as asked for.
+// The first is the one that is judged. The others beside it: every method without the layer, then
+// every one with it, as far as asked for.
 [[nodiscard]] std::vector<Variant> variants(const StabilityOptions& o, bool fused);
 
 // Every placement at every speed; quick: each placement at one speed, each speed at each rotation.

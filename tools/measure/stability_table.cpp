@@ -45,7 +45,8 @@ std::string limit_of(const StabilityTally& t, const std::string& check, double u
   return lo == hi ? text("%.3g", unit * lo) : text("%.2g-%.2g", unit * lo, unit * hi);
 }
 
-// The proxy's error where there is an optimum to compare with; else, marked, its distance from the surface.
+// The proxy's error where there is an optimum to compare with; else, marked, its distance from the
+// surface.
 std::string position(const StabilityTally& t) {
   if (!std::isnan(t.position_mm)) return text("%.2f", t.position_mm);
   return std::isnan(t.off_mm) ? "-" : text("~%.2f", t.off_mm);

@@ -1,4 +1,5 @@
-// What `teletact stability` prints: of each case one row a method, the limits and the published figures of the peers.
+// What `teletact stability` prints: of each case one row a method, the limits and the published
+// figures of the peers.
 #pragma once
 
 #include <cstddef>
@@ -16,15 +17,18 @@ struct StabilityTally {
   int settings = 0, within = 0, field_bound = 0;
   double margin = 1;
   double j_N = 0, j_raw_N = 0, guard_share = 0, lag_ms = 0;
-  // Proxy to field optimum (95 % of the ticks), and off the surface of the blended field where a run has no optimum.
+  // Proxy to field optimum (95 % of the ticks), and off the surface of the blended field where a
+  // run has no optimum.
   double position_mm = std::numeric_limits<double>::quiet_NaN(), off_mm = position_mm;
   double cpu_p50_us = 0, cpu_p99_us = 0, cpu_max_us = 0;
   bool counted = false;  // allocations and locks
-  // Under the passivity controller: least E + booked + credit, settings that are answered otherwise without it.
+  // Under the passivity controller: least E + booked + credit, settings that are answered otherwise
+  // without it.
   bool controlled = false;
   double energy_min_mJ = 0;
   int controller_acts = 0;
-  // Of each check the one with the least margin: of all, and of those failed where the optimum is not.
+  // Of each check the one with the least margin: of all, and of those failed where the optimum is
+  // not.
   std::map<std::string, stability::Check> worst, worst_alone;
   std::map<std::string, std::pair<double, double>>
       span;  // of each check the least and the largest limit

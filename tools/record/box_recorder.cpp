@@ -25,8 +25,8 @@ void on_crash(int number) {
   text[sizeof text - 3] = static_cast<char>('0' + number / 10 % 10);
   text[sizeof text - 2] = static_cast<char>('0' + number % 10);
   if (auto* box = g_crash_box.load()) box->note_stop({text, sizeof text - 1});
-  // The action is back at its default (SA_RESETHAND). A fault would come again by itself, a signal that
-  // somebody sent would not.
+  // The action is back at its default (SA_RESETHAND). A fault would come again by itself, a signal
+  // that somebody sent would not.
   ::raise(number);
 }
 

@@ -1,10 +1,11 @@
-// The black box of one box of the demo: the last seconds of its job records, sentinels, log lines (modes,
-// contacts, marks, ...) and sensed inputs, in <folder>/<box>.blackbox (rt/audit/black_box.hpp).
+// The black box of one box of the demo: the last seconds of its job records, sentinels, log lines
+// (modes, contacts, marks, ...) and sensed inputs, in <folder>/<box>.blackbox
+// (rt/audit/black_box.hpp).
 //
-// A normal end removes it. Anything else leaves it: an end by request, a hung task, an error, a crash,
-// SIGKILL. A ramp down or safe stop in the midst of a run that goes on leaves a copy of the seconds
-// round it, <box>.stop<n>.blackbox. They are numbered on; of more than kMaxStops the oldest goes, a
-// ramp down before a safe stop. All by ordinary threads.
+// A normal end removes it. Anything else leaves it: an end by request, a hung task, an error, a
+// crash, SIGKILL. A ramp down or safe stop in the midst of a run that goes on leaves a copy of the
+// seconds round it, <box>.stop<n>.blackbox. They are numbered on; of more than kMaxStops the oldest
+// goes, a ramp down before a safe stop. All by ordinary threads.
 //
 // Records beside 'J' and 'S':
 //   'L'  a line of a task's log: "<time s> <task>: text"
@@ -73,14 +74,15 @@ class BoxRecorder {
 // "; to do: check the network and the other box, then engage again"; empty for none.
 [[nodiscard]] std::string fault_advice(rt::FaultId id);
 
-// Black boxes in a folder and why each was left, one "<file>: <why>" a line; for the end of a run, which
-// says them on stderr.
+// Black boxes in a folder and why each was left, one "<file>: <why>" a line; for the end of a run,
+// which says them on stderr.
 [[nodiscard]] std::vector<std::string> black_boxes_in(const std::string& folder);
 void say_black_boxes(const std::string& folder);
 // Those of an earlier run.
 void remove_black_boxes(const std::string& folder);
 
-// What was going on, for people: why, span, log lines and changes of the tasks' health in order of time.
+// What was going on, for people: why, span, log lines and changes of the tasks' health in order of
+// time.
 void print_black_box(const std::string& path, const rt::BlackBox& box);
 
 // Span of the job records, s.

@@ -1,5 +1,5 @@
-// What every tool does that hands the fusion task the images of a sequence one by one, and how far off its
-// claimed poses are.
+// What every tool does that hands the fusion task the images of a sequence one by one, and how far
+// off its claimed poses are.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,8 @@ class FusionFeed {
   const tasks::FusionTask::Out& step() noexcept { return step(patch_.get()); }
   // The window goes there; nullptr: none is made.
   const tasks::FusionTask::Out& step(perception::SurfacePatch* window) noexcept;
-  // A period without an image: the window at in.hand of the map as it is, at the instant of the last step.
+  // A period without an image: the window at in.hand of the map as it is, at the instant of the
+  // last step.
   void look(perception::SurfacePatch& window) noexcept;
   [[nodiscard]] const tasks::FusionTask::Out& out() const noexcept { return out_; }
   [[nodiscard]] const perception::CostMap& cost_map() const noexcept { return *cost_map_; }

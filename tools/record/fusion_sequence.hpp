@@ -1,4 +1,5 @@
-// RGB-D sequences held in memory, for benches of fusion: a recording, or a synthetic room with its truth.
+// RGB-D sequences held in memory, for benches of fusion: a recording, or a synthetic room with its
+// truth.
 #pragma once
 
 #include <optional>
@@ -50,14 +51,14 @@ struct RecordingOptions {
   int at_least = 2;
   std::optional<drivers::TumOptions::Pinhole> pinhole = std::nullopt;
 };
-// The first frames of a recording (drivers/camera/tum_reader.hpp), 640 x 480 brought to 512 x 424. Its poses, if it
-// has some, tell the truth at the stamps of the frames (pose_file.hpp). Says on `progress` how many frames there
-// are and what was assumed. Throws std::runtime_error.
+// The first frames of a recording (drivers/camera/tum_reader.hpp), 640 x 480 brought to 512 x 424.
+// Its poses, if it has some, tell the truth at the stamps of the frames (pose_file.hpp). Says on
+// `progress` how many frames there are and what was assumed. Throws std::runtime_error.
 [[nodiscard]] FusionSequence recorded_sequence(std::ostream& progress, const std::string& folder,
                                                const RecordingOptions& options);
 
-// A camera's pose X_WC in its usual axes, when its body (x forward, z up) is turned by yaw (to the left),
-// pitch (down) and roll, in this order.
+// A camera's pose X_WC in its usual axes, when its body (x forward, z up) is turned by yaw (to the
+// left), pitch (down) and roll, in this order.
 [[nodiscard]] perception::Pose looking(const perception::Vec3& eye_W, double yaw_rad,
                                        double pitch_rad, double roll_rad = 0);
 [[nodiscard]] perception::Pose carried_pose(double t_s);
@@ -74,7 +75,8 @@ struct SyntheticRoom {
 };
 // 5 x 4 m as a Kinect v2 sees it, carried by hand: 0.25 m/s and 15 deg/s at most.
 [[nodiscard]] SyntheticRoom furnished_room();
-// Appends frames first .. first + count - 1 of the room; a sequence may go on in a room that has changed.
+// Appends frames first .. first + count - 1 of the room; a sequence may go on in a room that has
+// changed.
 void film(rt::NonRealtime& nrt, const SyntheticRoom& room, int first, int count,
           FusionSequence& out);
 [[nodiscard]] FusionSequence synthetic_sequence(rt::NonRealtime& nrt, const SyntheticRoom& room,

@@ -29,8 +29,9 @@
 
 namespace teletact {
 
-// What one party publishes and another task of the same box latches: the edges, then the tasks' health. Which they are,
-// who writes and who reads them follows from the rows of tasks/contract/table.hpp.
+// What one party publishes and another task of the same box latches: the edges, then the tasks'
+// health. Which they are, who writes and who reads them follows from the rows of
+// tasks/contract/table.hpp.
 inline constexpr int kCells = tasks::kEdgeCount + tasks::kTaskCount;
 [[nodiscard]] constexpr int cell_of(tasks::EdgeId id) noexcept { return static_cast<int>(id); }
 [[nodiscard]] constexpr int health_of(tasks::TaskId id) noexcept {

@@ -1,7 +1,7 @@
-// Records what comes into one box (input_record.hpp). Each task's body, and the device it drives, get
-// a wrapper that copies into a ring of its own: two copies of 256 bytes a job, nothing inside step().
-// An ordinary thread calls drain() now and then and writes the file. A full ring loses the record,
-// and the recording then says that it is not whole.
+// Records what comes into one box (input_record.hpp). Each task's body, and the device it drives,
+// get a wrapper that copies into a ring of its own: two copies of 256 bytes a job, nothing inside
+// step(). An ordinary thread calls drain() now and then and writes the file. A full ring loses the
+// record, and the recording then says that it is not whole.
 //
 // Without a file it only tells a black box what the jobs latched: no images, no message bodies, no
 // output hashes.
@@ -44,7 +44,8 @@ class InputRecorder {
   // What stands between the executor and a task.
   [[nodiscard]] rt::TaskBody& body(tasks::TaskId id, rt::TaskBody& inner);
 
-  // From now on drain() hands each latch to `take`, and, with a file, how far it has come to `mark`.
+  // From now on drain() hands each latch to `take`, and, with a file, how far it has come to
+  // `mark`.
   using TakeOp = std::function<void(const JobOp&)>;
   using TakeTally = std::function<void(const Tally&)>;
   void also(TakeOp take, TakeTally mark);
@@ -92,7 +93,8 @@ class InputRecorder {
 };
 
 // Recordings of a run: <folder>/operator.inputs, robot.inputs, and beside them what the boxes were
-// built from: scene.toml (in effect) and, with a fault plan, faults.toml. An earlier recording goes.
+// built from: scene.toml (in effect) and, with a fault plan, faults.toml. An earlier recording
+// goes.
 void save_setup(const std::string& folder, const Scene& scene, const std::string& fault_plan_file);
 [[nodiscard]] std::string recording_file(const std::string& folder, rt::Box box);
 [[nodiscard]] std::unique_ptr<InputRecorder> make_recorder(rt::NonRealtime&,

@@ -39,7 +39,8 @@ double hand_N_per_m(const Scene& scene) {
   return scene.device.hand_stiffness_N_per_m > 0 ? scene.device.hand_stiffness_N_per_m : 400.0;
 }
 
-// How deep the target of a hand is that then presses with kPress_N; and how deep the hand itself gets.
+// How deep the target of a hand is that then presses with kPress_N; and how deep the hand itself
+// gets.
 double target_depth_m(const Scene& scene) {
   const auto& h = scene.graph.haptic;
   return std::min(0.2, h.scale * kPress_N * (1 / h.stiffness_N_per_m + 1 / hand_N_per_m(scene)));

@@ -7,8 +7,8 @@
 //   place   haptic.workspace_W_m: the origin with the most places in reach. Places of all kinds
 //           come before many of one kind, then the nearest. The origin must be in free space, as
 //           the picture shows it
-//   script  visits of 2.3 s from then to the end of the run, each at a place that is chosen when it begins
-//           (touch_script.hpp)
+//   script  visits of 2.3 s from then to the end of the run, each at a place that is chosen when it
+//           begins (touch_script.hpp)
 //
 // Set-up: allocates, reads files. Same recording and scene, same result.
 #pragma once

@@ -16,8 +16,8 @@ namespace teletact {
 [[nodiscard]] double recording_seconds(const std::string& dir);
 // Of the images that fusion took.
 struct TrackingFigures {
-  // Translation error over claimed frames, aligned by the first claimed pose: RMS and largest; -1 without true
-  // poses or frames.
+  // Translation error over claimed frames, aligned by the first claimed pose: RMS and largest; -1
+  // without true poses or frames.
   double ate_first_pose_mm = -1, off_mm = -1;
   std::size_t frames = 0, tracked = 0, claimed = 0;
 };

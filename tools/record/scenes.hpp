@@ -1,5 +1,5 @@
-// Synthetic sequences with exact truth, as a Kinect v2 sees them (512 x 424, f 365; axial and lateral noise,
-// edge drop-out, flying pixels; 0.4 to 5 m unless said otherwise):
+// Synthetic sequences with exact truth, as a Kinect v2 sees them (512 x 424, f 365; axial and
+// lateral noise, edge drop-out, flying pixels; 0.4 to 5 m unless said otherwise):
 //
 //   room     5 x 4 m, furnished, carried by hand: 0.25 m/s and 15 deg/s at most
 //   stairs   eight steps of 0.17 x 0.28 m between two walls; the camera climbs beside them

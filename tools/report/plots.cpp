@@ -146,7 +146,8 @@ void draw_rules(Canvas& c, const std::vector<Rule>& rules, const Scale& x, const
   }
 }
 
-// Names stand above their points; where one would lie on an earlier one it goes below, then farther off.
+// Names stand above their points; where one would lie on an earlier one it goes below, then farther
+// off.
 void draw_marks(Canvas& c, const Figure& f, const Scale& x, const Scale& y) {
   struct Box {
     double x0, y0, x1, y1;

@@ -147,7 +147,8 @@ void quantile_table(const ReportData& d, std::string& out) {
       "the job was late.</p>\n";
 }
 
-// Folded: a person looks at them when a task is in question. Where there is nothing else they lie open.
+// Folded: a person looks at them when a task is in question. Where there is nothing else they lie
+// open.
 void task_charts(const ReportTask& t, bool open, std::string& out) {
   std::string charts;
   const auto chart = [&](const char* of, const char* x_label, const std::vector<plot::Bins>& bins,
@@ -386,7 +387,8 @@ void run_facts(const ReportData& d, std::string& out) {
 
 std::string report_html(const ReportData& d) {
   std::string body;
-  // What a person looks for comes first: did it work, what did it see, what was felt. Timing is for when it did not.
+  // What a person looks for comes first: did it work, what did it see, what was felt. Timing is for
+  // when it did not.
   verdicts(d, body);
   pictures(d, body);
   touch(d, body);

@@ -34,8 +34,8 @@ Vec3 turn_of(const perception::Mat3& R) {
   return a.angle() * a.axis();
 }
 
-// What is stated is right to ten limits (10 %, 0.2 m, 10 degrees): holds what no data hold, and takes 1e-3 of what they
-// say. The height only the floor tells: to 2 m.
+// What is stated is right to ten limits (10 %, 0.2 m, 10 degrees): holds what no data hold, and
+// takes 1e-3 of what they say. The height only the floor tells: to 2 m.
 double prior_of(std::size_t i) {
   const auto p = static_cast<RobotParameter>(i);
   return (p == RobotParameter::kZ ? 100 : 10) * limit_of(p);

@@ -24,10 +24,12 @@ constexpr double kDeg = std::numbers::pi / 180;
 constexpr double kMostSlip = 0.15;
 constexpr double kMostCamera_m = 0.05, kMostCamera_rad = 5 * kDeg;
 constexpr double kLeg_m = 2.0;  // over which odometry is judged
-// What a plane fitted to depth images may err as a whole, however many there are: 0.5 % of 0.6 m, and as much in tilt.
+// What a plane fitted to depth images may err as a whole, however many there are: 0.5 % of 0.6 m,
+// and as much in tilt.
 constexpr double kFloor_m = 0.003, kFloor_rad = 0.1 * kDeg;
 constexpr std::size_t kLeastFloor = 3;
-// What the camera's poses err alike all the drive long, which no residual shows: a map is as large as its depths say.
+// What the camera's poses err alike all the drive long, which no residual shows: a map is as large
+// as its depths say.
 // chosen on: identify robot, rounds, seeds 1, 11 to 14; judged on: identify robot, rounds, seeds 21 to 24
 constexpr double kScale = 1e-3, kPlace_m = 5e-4, kTurn_rad = 0.02 * kDeg;
 
@@ -162,7 +164,8 @@ std::string refusal(const RobotDrive& drive, const Prepared& p, const RobotModel
   return {};
 }
 
-// What is found lies where the keys' ranges have it, and neither wheels nor camera err beyond belief.
+// What is found lies where the keys' ranges have it, and neither wheels nor camera err beyond
+// belief.
 bool of_one_drive(const DriveProblem& problem, const RobotModel& stated, const RobotFit& fit) {
   if (fit.slip > kMostSlip || fit.camera_m > kMostCamera_m || fit.camera_rad > kMostCamera_rad ||
       2 * fit.left_out > fit.instants + fit.intervals)

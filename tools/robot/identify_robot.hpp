@@ -1,8 +1,9 @@
 // Identifies wheel radii and camera mount of a mecanum base from a drive: wheel angles and camera
 // poses.
 //
-//   unknown   the base's planar poses X_PB at some instants, the floor in the camera's world X_WP, the mount X_BC, and six
-//             of the wheels: mean radius, left against right, front against back, the diagonals, lever, slide
+//   unknown   the base's planar poses X_PB at some instants, the floor in the camera's world X_WP,
+//             the mount X_BC, and six of the wheels: mean radius, left against right, front against
+//             back, the diagonals, lever, slide
 //   camera    X_WC(t_k) = X_WP X_PB,k X_BC at every instant: the hand-eye problem AX = XB in
 //             absolute poses instead of increments, so that the error of a pose enters once and not
 //             twice
@@ -16,12 +17,13 @@
 //             components (Helmert), so none of them must be known before. The covariance of all
 //             unknowns is stated
 //
-// A parameter whose standard deviation stays above its limit is not constrained by this drive: it is named and keeps its
-// stated value. The fit absorbs what the drive says about combinations of such parameters, but does
-// not report it. The mean slip is part of the estimated radius: odometry can not and need not
-// separate them.
+// A parameter whose standard deviation stays above its limit is not constrained by this drive: it
+// is named and keeps its stated value. The fit absorbs what the drive says about combinations of
+// such parameters, but does not report it. The mean slip is part of the estimated radius: odometry
+// can not and need not separate them.
 //
-// Frames: W the camera poses' world, P the floor (z up, B's place at the first instant), B base, C camera. SI.
+// Frames: W the camera poses' world, P the floor (z up, B's place at the first instant), B base, C
+// camera. SI.
 #pragma once
 
 #include <array>

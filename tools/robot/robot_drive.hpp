@@ -21,8 +21,8 @@ struct TwinDrive {
 // What a scene states of its robot.
 [[nodiscard]] RobotModel stated_robot(const Scene& scene);
 
-// Throws std::runtime_error: the base runs into something, the scene has no synthetic camera. `progress` is called
-// once a simulated second with the seconds so far.
+// Throws std::runtime_error: the base runs into something, the scene has no synthetic camera.
+// `progress` is called once a simulated second with the seconds so far.
 [[nodiscard]] TwinDrive drive_twin(rt::NonRealtime&, const Scene& scene, const DriveScript& script,
                                    const std::function<void(double)>& progress = {});
 

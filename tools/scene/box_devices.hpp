@@ -110,8 +110,8 @@ class OperatorBox {
   drivers::LinkEndpoint endpoint_;
 };
 
-// A recording as the demo plays it: 640 x 480 brought to the 512 x 424 of a Kinect v2, as `teletact fuse` does. Throws
-// std::runtime_error with the reader's message.
+// A recording as the demo plays it: 640 x 480 brought to the 512 x 424 of a Kinect v2, as `teletact
+// fuse` does. Throws std::runtime_error with the reader's message.
 [[nodiscard]] drivers::TumSequence open_recording(const std::string& dir);
 
 // Depth camera of the scene: the recording's if it names one, else the synthetic one's.

@@ -28,13 +28,15 @@
 
 namespace teletact {
 
-// [[operator.edit]]: what the operator asks of the scene at an instant (tasks/contract/scene_edit.hpp).
+// [[operator.edit]]: what the operator asks of the scene at an instant
+// (tasks/contract/scene_edit.hpp).
 //
 //   [[operator.edit]]
-//   kind = "clear"            # forget a box; "disc", "box": a no-go area; "erase": one of these, or all
+//   kind = "clear"            # forget a box; "disc", "box": a no-go area; "erase": one of these,
+//                             or all
 //   at_s = 6
-//   position_m = [1, 0, 0.2]  # of the centre, in W; or source = "pixel", pixel = [u, v]: the surface that
-//   size_m = [0.4, 0.4, 0.4]  # the console's picture shows there
+//   position_m = [1, 0, 0.2]  # of the centre, in W; or source = "pixel", pixel = [u, v]: the
+//   surface that size_m = [0.4, 0.4, 0.4]  # the console's picture shows there
 struct EditConfig {
   std::string kind = "clear";
   double at_s = 0;

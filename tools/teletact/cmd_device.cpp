@@ -1,6 +1,6 @@
-// teletact device: opens the chosen haptic device, reads it for a while at its rate with zero force, and
-// says what it is, in which state, how often it had something new, how long the exchanges took, and
-// which stiffness it allows. What is missing is one line and exit code 2.
+// teletact device: opens the chosen haptic device, reads it for a while at its rate with zero
+// force, and says what it is, in which state, how often it had something new, how long the
+// exchanges took, and which stiffness it allows. What is missing is one line and exit code 2.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <stdexcept>

@@ -1,5 +1,5 @@
-// teletact explain SCENE: the effects that a scene asks for, each with the key that asks and who pays for it, and those that
-// it does not ask for: they are not built.
+// teletact explain SCENE: the effects that a scene asks for, each with the key that asks and who
+// pays for it, and those that it does not ask for: they are not built.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>

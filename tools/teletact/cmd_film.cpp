@@ -1,9 +1,11 @@
-// teletact film: what the synthetic camera sees of a place, written as a recording (TUM layout), with its true poses.
+// teletact film: what the synthetic camera sees of a place, written as a recording (TUM layout),
+// with its true poses.
 //
-//   --scene NAME    room, stairs, turn, sixth, near (tools/record/scenes.hpp), or a scene of config/scenes or a file:
-//                   its [world], carried by hand as in `room`
+//   --scene NAME    room, stairs, turn, sixth, near (tools/record/scenes.hpp), or a scene of
+//                   config/scenes or a file: its [world], carried by hand as in `room`
 //   --out DIR       associations.txt, intrinsics.txt, groundtruth.txt, depth/, rgb/
-//   --frames N      images, 30 a second; --first N: begins with that one; --backwards: the last one first
+//   --frames N      images, 30 a second; --first N: begins with that one; --backwards: the last one
+//                   first
 //   --json FILE     docs/metrics.md
 #include <CLI/CLI.hpp>
 #include <algorithm>

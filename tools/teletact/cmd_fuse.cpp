@@ -1,19 +1,22 @@
-// teletact fuse: a recorded RGB-D sequence to camera poses and a coloured mesh, through the very task
-// that runs in the demo (tasks/fusion).
+// teletact fuse: a recorded RGB-D sequence to camera poses and a coloured mesh, through the very
+// task that runs in the demo (tasks/fusion).
 //
-//   --rgbd DIR       TUM or 7-Scenes layout (drivers/camera/tum_reader.hpp); its ground truth is never opened
+//   --rgbd DIR       TUM or 7-Scenes layout (drivers/camera/tum_reader.hpp); its ground truth is
+//                    never opened
 //   --intrinsics fx,fy,cx,cy[,units]  of a folder without intrinsics.txt; px, depth units a metre
-//   --bias FILE      TOML with the camera's depth bias, [[camera.bias]] at_mm, bias_mm (drivers/camera/
-//                    depth_bias.hpp): taken out of every depth image
+//   --bias FILE      TOML with the camera's depth bias, [[camera.bias]] at_mm, bias_mm
+//                    (drivers/camera/ depth_bias.hpp): taken out of every depth image
 //   --odometry FILE  TUM lines "t tx ty tz qx qy qz qw", camera to its own start, as motion prior
 //   --voxel M        edge of a voxel; other knobs that have an option of their own: --help
-//   --config FILE    TOML with a table [fusion], as in a scene, and [[camera.bias]]; --set fusion.KEY=VALUE for one key of it;
-//                    --list-knobs prints them all
+//   --config FILE    TOML with a table [fusion], as in a scene, and [[camera.bias]]; --set
+//                    fusion.KEY=VALUE for one key of it; --list-knobs prints them all
 //   --poses OUT.txt  TUM lines, camera to world (world = first camera). A data line is a claim; a
-//                    frame that is lost, or that the scene and the odometry leave open, is a comment
+//                    frame that is lost, or that the scene and the odometry leave open, is a
+//                    comment
 //   --ply OUT.ply    the fused surface, if wanted
 //   --save-map OUT   the map and its keyframes (perception/map_file)
-//   --map FILE       such a map to begin with: world = that map's; lost until the camera is found in it
+//   --map FILE       such a map to begin with: world = that map's; lost until the camera is found
+//                    in it
 //
 // Images of 640 x 480 are brought to 512 x 424, the size the stack works at, unless --full-size.
 // Outputs appear whole or not at all. Same input, same bytes.

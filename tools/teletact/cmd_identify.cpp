@@ -1,5 +1,6 @@
-// teletact identify: mass, damping and dry friction of the haptic device by ring-down, nobody holding it. Prints
-// what the configuration assumes beside it, and writes the keys to take over. `identify robot`: cmd_identify_robot.cpp.
+// teletact identify: mass, damping and dry friction of the haptic device by ring-down, nobody
+// holding it. Prints what the configuration assumes beside it, and writes the keys to take over.
+// `identify robot`: cmd_identify_robot.cpp.
 #include <time.h>
 
 #include <CLI/CLI.hpp>

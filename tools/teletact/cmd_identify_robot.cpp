@@ -1,7 +1,10 @@
-// teletact identify robot: the wheels' radii and the camera's mount, out of a drive of about a minute.
+// teletact identify robot: the wheels' radii and the camera's mount, out of a drive of about a
+// minute.
 //
-//   --scene NAME             the twin of that scene drives; with --wheels its stated values alone are taken
-//   --wheels CSV --poses TUM a recorded drive of a real robot: wheel angles, and the camera's claimed poses (of
+//   --scene NAME             the twin of that scene drives; with --wheels its stated values alone
+//                            are taken
+//   --wheels CSV --poses TUM a recorded drive of a real robot: wheel angles, and the camera's
+//   claimed poses (of
 //                            teletact fuse); --rgbd DIR: its images, for the floor and with it the camera's height
 //   --plan CSV               writes the drive for a real base to follow, and ends
 //   --write FILE             TOML with the keys to take over into a scene

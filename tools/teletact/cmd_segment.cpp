@@ -1,10 +1,11 @@
 // teletact segment: the object under a touch, or every region of an image.
 //
 //   --color C.png             8 bit colour
-//   --depth D.png             16 bit, registered to the colour, --depth-unit mm a step; 0 and 65535 are
-//                             no reading; needs --intrinsics
-//   --touch x,y               pixel; the k-th touch paints value k. A pixel that several objects claim
-//                             goes to the one it is nearer to (d of the paper), then to the first
+//   --depth D.png             16 bit, registered to the colour, --depth-unit mm a step; 0 and 65535
+//                             are no reading; needs --intrinsics
+//   --touch x,y               pixel; the k-th touch paints value k. A pixel that several objects
+//                             claim goes to the one it is nearer to (d of the paper), then to the
+//                             first
 //   --not x,y                 pixel that is not of the object; then, or with --one-object, all
 //                             touches and nots name one object, painted with value 1; needs --depth
 //   --whole                   every region of the image, with depth or by colour alone
@@ -12,8 +13,8 @@
 //                             --m, --g (mm with depth, else px), --threshold
 //   --out MASK.png            8 bit, 0 = no object; with --whole labels 1..N, 16 bit when N > 255
 //
-// Without depth `default` is the region of the whole-image segmentation under the touch. The touched
-// pixel always carries its touch's value unless a later touch names the same pixel.
+// Without depth `default` is the region of the whole-image segmentation under the touch. The
+// touched pixel always carries its touch's value unless a later touch names the same pixel.
 #include <CLI/CLI.hpp>
 #include <stdexcept>
 #include <string>
@@ -43,7 +44,8 @@ void check(const SegmentOptions& o) {
                              " given, at most 255");
 }
 
-// What would be passed over in silence. --m and --g part what several touches claim, whatever the method.
+// What would be passed over in silence. --m and --g part what several touches claim, whatever the
+// method.
 void check_meant(const CLI::App& app, const SegmentOptions& o) {
   for (const char* option : {"--m", "--g", "--threshold"}) {
     if (o.whole && app.count(option) > 0) {

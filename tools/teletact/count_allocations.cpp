@@ -1,5 +1,6 @@
-// The product's malloc: counts for its thread, then glibc's own. Linked into the program alone, never into a library:
-// tests have the guard's (tools/measure/support/rt_guard.cpp), a sanitizer its own.
+// The product's malloc: counts for its thread, then glibc's own. Linked into the program alone,
+// never into a library: tests have the guard's (tools/measure/support/rt_guard.cpp), a sanitizer
+// its own.
 #include <cerrno>
 #include <cstddef>
 

@@ -67,8 +67,8 @@ bool map_normal(perception::MapReader& reader, double voxel_size, const Vec3& p,
   return true;
 }
 
-// Depth of h below a plane of the map, along the map's own normal where that leaves the surface; the
-// force only says where to look first. -1: no surface, or not a plane for 30 mm around.
+// Depth of h below a plane of the map, along the map's own normal where that leaves the surface;
+// the force only says where to look first. -1: no surface, or not a plane for 30 mm around.
 double depth_under_plane(perception::MapReader& reader, double voxel_size, const Vec3& h,
                          const Vec3& towards) {
   const double difference = 1.5 * voxel_size;

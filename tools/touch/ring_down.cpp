@@ -18,8 +18,8 @@ struct Model {
   double mass, damping, coulomb, bias;
 };
 
-// A ring up to a little after it came to rest: what follows says nothing more, and in a model with too little
-// friction would run away.
+// A ring up to a little after it came to rest: what follows says nothing more, and in a model with
+// too little friction would run away.
 struct Swing {
   const Ring* ring;
   std::size_t ticks;
@@ -38,8 +38,9 @@ std::vector<Swing> swings_of(const std::vector<Ring>& rings) {
   return out;
 }
 
-// Positions at the ticks of a ring under the commands as they were, from velocity v. Within a step the damped motion
-// is exact; dry friction acts against the velocity, holds below its limit and never turns the motion round.
+// Positions at the ticks of a ring under the commands as they were, from velocity v. Within a step
+// the damped motion is exact; dry friction acts against the velocity, holds below its limit and
+// never turns the motion round.
 void simulate(const Swing& swing, const Model& m, double v, double delay_s,
               std::vector<double>& out) {
   const Ring& ring = *swing.ring;
@@ -132,8 +133,8 @@ Model solve_linear(const std::vector<Swing>& swings, double known_delay_s, doubl
 
 // ---- By least squares of the position
 
-// log m, log b, c, bias, and of each ring the velocity it began with: a device without dry friction never
-// quite comes to rest between two steps of its encoder.
+// log m, log b, c, bias, and of each ring the velocity it began with: a device without dry friction
+// never quite comes to rest between two steps of its encoder.
 using Parameters = Eigen::VectorXd;
 
 Model model_of(const Parameters& p) {
@@ -235,7 +236,8 @@ Minimum fit_from(Residuals& residuals, Parameters p) {
   return {p, cost};
 }
 
-// Dry friction makes the sum of squares rough: where the derivatives lead no further, steps along the axes do.
+// Dry friction makes the sum of squares rough: where the derivatives lead no further, steps along
+// the axes do.
 Minimum polished(Residuals& residuals, Minimum m) {
   Parameters step = Parameters::Constant(m.p.size(), 1e-3);
   step[0] = 0.01, step[1] = 0.05, step[2] = 0.01, step[3] = 0.005;
@@ -280,7 +282,8 @@ bool swung(const std::vector<Ring>& rings, const std::vector<Swing>& swings) {
   return n >= 100 && moved >= 1e-4;
 }
 
-// From the closed form, and with other shares of its dry friction as long as the positions are not explained.
+// From the closed form, and with other shares of its dry friction as long as the positions are not
+// explained.
 Minimum fit_swings(const std::vector<Swing>& swings, const Model& start, double delay_s) {
   std::size_t n = 0;
   for (const Swing& s : swings) n += s.ticks;

@@ -3,9 +3,11 @@
 // with two stiffnesses.
 //
 //   model    m x'' = u + g - b x' - c sign(x'),   u = the force that was commanded, held over each tick and t_d late
-//   start    in closed form: m x'' integrated once is linear in m, b, c, bias and (if asked for) t_d
-//   fit      least squares of the position (Levenberg-Marquardt) up to where each swing comes to rest, the model
-//            integrated at 20 steps a tick under the commands as they were; t_d by a search about its start
+//   start    in closed form: m x'' integrated once is linear in m, b, c, bias and (if asked for)
+//            t_d
+//   fit      least squares of the position (Levenberg-Marquardt) up to where each swing comes to
+//            rest, the model integrated at 20 steps a tick under the commands as they were; t_d by
+//            a search about its start
 //
 // The model contains what the spring's hold and delay add or take, so the result does not.
 // Frames: D haptic base.  SI.
@@ -70,7 +72,8 @@ struct IdentifyResult {
 // Called with the instant of each tick before it; real time sleeps in it.
 using Pace = std::function<void(rt::Time)>;
 
-// Throws std::runtime_error: no force, not in FORCE, brakes on the way, hardly any motion (somebody holds it).
+// Throws std::runtime_error: no force, not in FORCE, brakes on the way, hardly any motion (somebody
+// holds it).
 [[nodiscard]] IdentifyResult identify_device(drivers::HapticDevice& device,
                                              const IdentifyOptions& options, rt::Time start,
                                              const Pace& pace);

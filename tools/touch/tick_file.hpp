@@ -57,7 +57,8 @@ void set_inputs(const HapticRunTick&, tasks::HapticTask::In&) noexcept;
 
 class HapticRunWriter {
  public:
-  // Writes to an open file, which stays the caller's. Throws std::runtime_error when the disk is full.
+  // Writes to an open file, which stays the caller's. Throws std::runtime_error when the disk is
+  // full.
   HapticRunWriter(std::FILE* file, const HapticRunHeader& header);
   void window(const perception::SurfacePatch& patch);
   void surface(const tasks::SurfacePoints& points);

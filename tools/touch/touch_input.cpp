@@ -24,8 +24,8 @@ T must(rt::Result<T> result) {
   return std::move(result).value();
 }
 
-// A row a label: label, stiffness, friction, friction_dynamic, texture_m, texture_period_m. What is not named has the
-// label 0's ordinary surface. True for the labels that have a row.
+// A row a label: label, stiffness, friction, friction_dynamic, texture_m, texture_period_m. What is
+// not named has the label 0's ordinary surface. True for the labels that have a row.
 std::array<bool, 256> load_palette(const std::string& path, Palette& palette) {
   const CsvTable table = must(read_csv(path));
   struct Column {

@@ -67,7 +67,8 @@ void add_options(CLI::App& app, Options& o) {
 }
 
 void check_replay(const CLI::App& app, Options& o) {
-  // What the run was recorded with stays; an option that would be passed over in silence is refused.
+  // What the run was recorded with stays; an option that would be passed over in silence is
+  // refused.
   for (const CLI::Option* option : app.get_options()) {
     const std::string name = option->get_name();
     const bool counts = name == "--replay" || name == "--method" || name == "--out" ||

@@ -21,8 +21,8 @@ constexpr std::size_t kMost = 3000;  // no data
 constexpr int kMissed = 2;           // pictures in a row that do not show it: forgotten
 constexpr std::array kTurn{Kind::kTop, Kind::kWall, Kind::kTop, Kind::kEdge, Kind::kCorner};
 
-// One of the nine pixels about `uv` shows the place's plane, near the place: at a grazing angle a pixel to the side is
-// centimetres off along the ray.
+// One of the nine pixels about `uv` shows the place's plane, near the place: at a grazing angle a
+// pixel to the side is centimetres off along the ray.
 bool shows_there(const tasks::SceneView& view, const TouchPlace& place, const Eigen::Vector2d& uv) {
   const int u0 = static_cast<int>(uv.x() + 0.5), v0 = static_cast<int>(uv.y() + 0.5);
   for (int v = v0 - 1; v <= v0 + 1; ++v) {
@@ -39,8 +39,8 @@ bool shows_there(const tasks::SceneView& view, const TouchPlace& place, const Ei
   return false;
 }
 
-// Along each ray what the picture shows is kClear_m behind the straight, as far as it shows the straight.
-// Where it does not, the places tell that are known.
+// Along each ray what the picture shows is kClear_m behind the straight, as far as it shows the
+// straight. Where it does not, the places tell that are known.
 bool clear(const TouchPlaces& memory, const tasks::SceneView& view, const perception::Pose& X_VW,
            const Vec3& a, const Vec3& b) {
   const int n = 1 + static_cast<int>((b - a).norm() / 0.025);
@@ -59,8 +59,8 @@ bool clear(const TouchPlaces& memory, const tasks::SceneView& view, const percep
   return true;
 }
 
-// A point between the two from which both are free to go to: half-way, or drawn back along the place's normal or
-// towards the eye.
+// A point between the two from which both are free to go to: half-way, or drawn back along the
+// place's normal or towards the eye.
 std::optional<Vec3> way(const TouchPlaces& memory, const tasks::SceneView& view, const Reach& reach,
                         const Vec3& a, const Vec3& b, const Vec3& normal) {
   const perception::Pose X_VW = view.X_WV.inverse();

@@ -11,7 +11,8 @@ struct TouchRerunOptions {
   std::string out, json;
 };
 
-// Exit code: 1 when the run replayed as it was and an answer differs. Throws std::runtime_error with one line.
+// Exit code: 1 when the run replayed as it was and an answer differs. Throws std::runtime_error
+// with one line.
 [[nodiscard]] int rerun_touch(const TouchRerunOptions& options);
 
 }  // namespace teletact

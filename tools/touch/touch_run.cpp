@@ -1,4 +1,5 @@
-// Every column of the trace repeats byte by byte on the same input, except cpu_ns, which is measured.
+// Every column of the trace repeats byte by byte on the same input, except cpu_ns, which is
+// measured.
 #include "tools/touch/touch_run.hpp"
 
 #include <algorithm>

@@ -3,7 +3,8 @@
 // it from the newest picture; no task does.
 //
 // A visit is
-//   move    chosen, and the next segment is a chosen move: a place is chosen, the hand goes half-way
+//   move    chosen, and the next segment is a chosen move: a place is chosen, the hand goes
+//           half-way
 //   move    chosen: to over the place; if it has gone by now another one is chosen
 //   press   chosen: onto the place as it shows now; not done when it has gone
 // Each is decided 100 ms before its segment starts. If there is no place to choose, the hand stays

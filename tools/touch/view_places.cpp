@@ -80,7 +80,8 @@ class Patch {
   }
 
  private:
-  // What belongs to the plane there: first what is near, as a rim's side is not far; then all of it that is on the plane.
+  // What belongs to the plane there: first what is near, as a rim's side is not far; then all of it
+  // that is on the plane.
   bool fit() {
     const auto near = [](double radius) {
       return [radius](const Vec3& r) { return r.squaredNorm() < radius * radius; };
@@ -147,7 +148,8 @@ class Patch {
     return s > 0 ? std::optional(Vec3(eye + s * pixel.ray_W - offset_ * n_)) : std::nullopt;
   }
 
-  // Of the pixels whose ray meets the plane within `radius`: those that show it there; 0 with fewer than `least`.
+  // Of the pixels whose ray meets the plane within `radius`: those that show it there; 0 with fewer
+  // than `least`.
   [[nodiscard]] double share_on_plane(double radius, int least = 1) const {
     int all = 0, on = 0;
     for (const Pixel& pixel : pixels_) {
@@ -159,7 +161,8 @@ class Patch {
     return all >= least ? static_cast<double>(on) / all : 0;
   }
 
-  // A bit a side where most of the pixels that look at the plane's ring show it. None: a side that no pixel looks at.
+  // A bit a side where most of the pixels that look at the plane's ring show it. None: a side that
+  // no pixel looks at.
   [[nodiscard]] std::optional<unsigned> sides() const {
     const Vec3 a = n_.unitOrthogonal(), b = n_.cross(a);
     std::array<int, kSides> all{}, on{};
@@ -179,7 +182,8 @@ class Patch {
     return covered;
   }
 
-  // The sides without surface are next to each other, and behind each the picture shows something farther.
+  // The sides without surface are next to each other, and behind each the picture shows something
+  // farther.
   bool at_edge(TouchPlace& out) const {
     const auto known = sides();
     if (!known) return false;

@@ -34,7 +34,8 @@ struct TouchPlace {
 };
 [[nodiscard]] const char* name_of(TouchPlace::Kind kind) noexcept;
 
-// Of the picture's pixel: distance along the eye's axis to the surface that shows there; 0: none, or outside.
+// Of the picture's pixel: distance along the eye's axis to the surface that shows there; 0: none,
+// or outside.
 [[nodiscard]] double shown_depth(const tasks::SceneView& view,
                                  const perception::Vec3& p_V) noexcept;
 

@@ -1,6 +1,7 @@
-// The handles of the Omega's twin library beside the SDK's own functions: its clock, its faults, the
-// truth behind its readings. The library (libteletact_omega_twin.so) has the same C functions as the
-// vendor's SDK and the mechanics of OmegaTwin inside, so the driver that loads it is the real one.
+// The handles of the Omega's twin library beside the SDK's own functions: its clock, its faults,
+// the truth behind its readings. The library (libteletact_omega_twin.so) has the same C functions
+// as the vendor's SDK and the mechanics of OmegaTwin inside, so the driver that loads it is the
+// real one.
 //
 // Keys of set():                                   value
 //   manual_clock      1: time moves by advance() only; 0: CLOCK_MONOTONIC
@@ -22,7 +23,8 @@
 //   no_watchdog       1: firmware without a watchdog
 //   velocity_threshold                               0: off, as another program may have left it
 //   busy              1: open fails as if another program held the device
-// Keys of get(): x_m y_m z_m vx vy vz fx_N fy_N fz_N (truth, in D), state (DeviceState), cause, brakes,
+// Keys of get(): x_m y_m z_m vx vy vz fx_N fy_N fz_N (truth, in D), state (DeviceState), cause,
+// brakes,
 //   open, exchanges, commands (since reset), sent_x_N sent_y_N sent_z_N (last command, in D),
 //   watchdog_units, velocity_threshold, gravity_on, hand_segment.
 #pragma once
@@ -32,8 +34,8 @@
 namespace drivers {
 
 struct OmegaTwinControl {
-  // Forgets everything; TOML of [twin] (OmegaTwinConfig), [hand] (HandScriptConfig) and [workspace].
-  // 0, or -1 with the reason in error().
+  // Forgets everything; TOML of [twin] (OmegaTwinConfig), [hand] (HandScriptConfig) and
+  // [workspace]. 0, or -1 with the reason in error().
   int (*reset)(const char* toml) = nullptr;
   const char* (*error)() = nullptr;
   int (*set)(const char* key, double value) = nullptr;  // -1: no such key

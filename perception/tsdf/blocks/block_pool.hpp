@@ -1,10 +1,12 @@
-// Where blocks and chunks are kept: slots, the index that finds them, the lists of those given back.
+// Where blocks and chunks are kept: slots, the index that finds them, the lists of those given
+// back.
 //
 // Memory    everything is allocated and touched in the constructor. A full pool keeps what is
 //           stored and refuses new blocks.
 // Place     a block keeps its pool index and a chunk its number until it is dropped. Nothing is
 //           moved, so pointers into a block or a chunk stay valid until then.
-// Thread    one thread changes it at a time; other blocks' voxels may be written by others meanwhile.
+// Thread    one thread changes it at a time; other blocks' voxels may be written by others
+//           meanwhile.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +25,8 @@ class BlockPool : public MapLayout {
  public:
   BlockPool(rt::NonRealtime&, int max_blocks, int max_chunks);
 
-  // --- chunks. Numbers are below chunk_count(); those not in use hold nothing and stand at kNowhere.
+  // --- chunks. Numbers are below chunk_count(); those not in use hold nothing and stand at
+  // kNowhere.
   [[nodiscard]] int chunk_count() const noexcept { return chunk_count_; }
   [[nodiscard]] const Chunk& chunk(int n) const noexcept {
     return chunks_[static_cast<std::size_t>(n)];
@@ -53,7 +56,8 @@ class BlockPool : public MapLayout {
   [[nodiscard]] BlockCoord coord(std::int32_t block) const noexcept {
     return coords_[static_cast<std::size_t>(block)];
   }
-  // 512 words and colours (perception/geometry/no_colour.hpp), 8 words of free bits: bit (y * 8 + z) of word x.
+  // 512 words and colours (perception/geometry/no_colour.hpp), 8 words of free bits: bit (y * 8 +
+  // z) of word x.
   [[nodiscard]] const std::uint32_t* words(std::int32_t block) const noexcept {
     return words_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
   }

@@ -1,8 +1,9 @@
-// The chunks round a camera as a dense cube, so that kernels find a block with two loads and no hash.
+// The chunks round a camera as a dense cube, so that kernels find a block with two loads and no
+// hash.
 //
-// Entry (x, y, z), z fastest, of chunk corner + (x, y, z): where its table of block numbers begins in
-// MapView::arrays().tables; the empty table where there is no chunk. A chunk outside the cube is not
-// seen: 16 chunks to every side are 10 m at voxels of 1 cm.
+// Entry (x, y, z), z fastest, of chunk corner + (x, y, z): where its table of block numbers begins
+// in MapView::arrays().tables; the empty table where there is no chunk. A chunk outside the cube is
+// not seen: 16 chunks to every side are 10 m at voxels of 1 cm.
 #pragma once
 
 #include <cstddef>

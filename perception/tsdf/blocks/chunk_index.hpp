@@ -1,6 +1,6 @@
-// From a chunk's coordinates to a number: open addressing with linear probing, at most half full. An entry
-// is erased by moving back what follows it (Knuth, TAOCP 6.4, algorithm R), so that probes stay short
-// however often chunks come and go.
+// From a chunk's coordinates to a number: open addressing with linear probing, at most half full.
+// An entry is erased by moving back what follows it (Knuth, TAOCP 6.4, algorithm R), so that probes
+// stay short however often chunks come and go.
 #pragma once
 
 #include <algorithm>

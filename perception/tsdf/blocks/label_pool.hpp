@@ -1,4 +1,5 @@
-// Where labels are kept: a pool of its own, since only blocks in which something is labelled have them.
+// Where labels are kept: a pool of its own, since only blocks in which something is labelled have
+// them.
 //
 // Label     label and label weight of a voxel (perception/segmentation/label_vote.hpp), 512 a block
 //           in the order of its words.

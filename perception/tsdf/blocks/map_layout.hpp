@@ -1,10 +1,11 @@
 // How a map is laid out: sizes, units and the bits of a word. No state.
 //
 // Grid      node (i,j,k) sits at p_W = (i,j,k) * voxel_size. 8^3 nodes make a block, 8^3 blocks a
-//           chunk. Chunks are found through an open-addressing hash, blocks through the chunk's table.
-// Voxel     one aligned 32-bit word: int16 distance (unit: truncation / 32767, positive outside) and
-//           uint16 weight (unit: 1/128 of one full observation). Weight 0 = unknown, distance void.
-//           Beside it, same index: colour (r, g, b), how often read, how often coloured.
+//           chunk. Chunks are found through an open-addressing hash, blocks through the chunk's
+//           table.
+// Voxel     one aligned 32-bit word: int16 distance (unit: truncation / 32767, positive outside)
+//           and uint16 weight (unit: 1/128 of one full observation). Weight 0 = unknown, distance
+//           void. Beside it, same index: colour (r, g, b), how often read, how often coloured.
 #pragma once
 
 #include <array>
@@ -64,10 +65,11 @@ struct MapLayout {
   static constexpr BlockCoord kNowhere{-(1 << 24), -(1 << 24), -(1 << 24)};
 
   // --- for vector kernels: the arrays themselves. Chunk n's table of block numbers begins at
-  // n * table_stride; table `empty_table` holds no block, block `empty_block` holds zeros. ahead[8 b + n]:
-  // the block one to the x (n bit 2), y (bit 1), z (bit 0) of block b; empty_block where none is.
-  // empty_block is the last block. Behind it kWordsBehind words may be loaded: a kernel loads
-  // the corners of a cell, up to (x + 1, y + 1, z + 1), before it knows if its ray is in the map.
+  // n * table_stride; table `empty_table` holds no block, block `empty_block` holds zeros. ahead[8
+  // b + n]: the block one to the x (n bit 2), y (bit 1), z (bit 0) of block b; empty_block where
+  // none is. empty_block is the last block. Behind it kWordsBehind words may be loaded: a kernel
+  // loads the corners of a cell, up to (x + 1, y + 1, z + 1), before it knows if its ray is in the
+  // map.
   static constexpr std::size_t kWordsBehind = 64 + 8 + 1;
   struct Arrays {
     const std::int32_t* tables;

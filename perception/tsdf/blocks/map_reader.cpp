@@ -105,7 +105,8 @@ LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
             : agreed([this, b, first](int n) { return map_.label_in(b, first + n); }, fx, fy, fz);
     if (all.label != kDiffer) return all.weight > 0 ? all : nearest_vote(i, j, k, {fx, fy, fz});
   }
-  // At most eight labels; say[n]: votes for label of corner n, kept at the first corner that has it.
+  // At most eight labels; say[n]: votes for label of corner n, kept at the first corner that has
+  // it.
   std::array<std::uint8_t, 8> names{};
   std::array<float, 8> say{};
   int count = 0;

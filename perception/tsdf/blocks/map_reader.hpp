@@ -101,7 +101,8 @@ class MapReader {
   };
   // Trilinear distance at a world point.
   [[nodiscard]] Sample sample(const Vec3& p_W) noexcept;
-  // Central difference of sample() over one voxel either side, m/m; false when any of it is unknown.
+  // Central difference of sample() over one voxel either side, m/m; false when any of it is
+  // unknown.
   [[nodiscard]] bool gradient(const Vec3& p_W, Vec3& out) noexcept;
   // Colour of the nearest corner of the cell that has one; false when none has.
   [[nodiscard]] bool colour(const Vec3& p_W, Rgb& out) noexcept;
@@ -110,7 +111,8 @@ class MapReader {
   // keeps the label. If all abstain, as beside an outline, the nearest vote round them counts. 0:
   // background or unknown.
   [[nodiscard]] std::uint8_t label(const Vec3& p_W) noexcept { return voted(p_W).label; }
-  // The same with the weight of what won, rounded up (1: of a vote beside); weight 0: nothing known.
+  // The same with the weight of what won, rounded up (1: of a vote beside); weight 0: nothing
+  // known.
   [[nodiscard]] LabelVoxel voted(const Vec3& p_W) noexcept;
 
  private:

@@ -23,7 +23,8 @@ class MapView : public MapLayout {
   [[nodiscard]] float metres_per_unit() const noexcept { return store_->metres_per_unit; }
   [[nodiscard]] std::uint32_t map_id() const noexcept { return store_->map_id; }
   [[nodiscard]] int block_count() const noexcept { return store_->blocks.live(); }
-  // Chunk numbers are below it; those not in use hold nothing and stand at no place a camera can be.
+  // Chunk numbers are below it; those not in use hold nothing and stand at no place a camera can
+  // be.
   [[nodiscard]] int chunk_count() const noexcept { return store_->blocks.chunk_count(); }
 
   // --- blocks, by pool index; live blocks are those with in_use().

@@ -1,4 +1,5 @@
-// One frame's camera as the stages of integration and the readers see it: projections of boxes, conservative.
+// One frame's camera as the stages of integration and the readers see it: projections of boxes,
+// conservative.
 #pragma once
 
 #include <cmath>

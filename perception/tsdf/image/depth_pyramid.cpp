@@ -150,8 +150,8 @@ void halve_pixels(const std::uint32_t* a, const std::uint32_t* b, int pairs, Til
   }
 }
 
-// Finest level at which no side of the rectangle meets more than three tiles: a side of fewer than 3 * 2^l
-// pixels meets at most four at l, and three at l + 1.
+// Finest level at which no side of the rectangle meets more than three tiles: a side of fewer than
+// 3 * 2^l pixels meets at most four at l, and three at l + 1.
 int level_of(int u0, int v0, int u1, int v1) noexcept {
   const auto span = static_cast<std::uint32_t>(std::max(u1 - u0, v1 - v0));
   if (span <= 2) return 0;

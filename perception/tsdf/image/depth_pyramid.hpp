@@ -71,7 +71,8 @@ class DepthPyramid {
     std::vector<Tile> tiles;
   };
   [[nodiscard]] const std::uint16_t* padded_row(int v) const noexcept;
-  // Pixels and tiles of rows v0 .. v1 - 1, v0 a multiple of the largest tile; number of pixels with weight.
+  // Pixels and tiles of rows v0 .. v1 - 1, v0 a multiple of the largest tile; number of pixels with
+  // weight.
   int build_strip(const DepthRule& rule, ImageView<const std::uint8_t> mask, int v0,
                   int v1) noexcept;
   void build_tiles(int level, int v0, int v1) noexcept;

@@ -46,8 +46,8 @@ class Emit {
   HWY_INLINE void operator()(int step, const VI (&b)[3], unsigned lanes) {
     const DI di;
     const DU du;
-    // Relative to the camera's block a coordinate fits 11, 11 and 10 bits; a wrap would need neighbouring
-    // rays a thousand blocks apart.
+    // Relative to the camera's block a coordinate fits 11, 11 and 10 bits; a wrap would need
+    // neighbouring rays a thousand blocks apart.
     const auto low = [&](VI v, std::uint32_t mask) {
       return hn::And(hn::BitCast(du, v), hn::Set(du, mask));
     };

@@ -1,10 +1,10 @@
 // Finds the blocks that the bands of one row of pixels pass through and that the map lacks.
 //
-// A ray's band runs from depth z - half to z + half, half = truncation * reach / sqrt(1 + x^2 + y^2). In
-// units of a block, relative to block `base` near the camera, its ends are q = origin + z (x a0 + y a1 + a2);
-// the walk from the block of one end to that of the other takes the nearest wall each time (Amanatides
-// and Woo 1987). Floats: a coordinate is good to 2 um at 10 m. A fixed order of operations: every
-// instruction set finds the same blocks.
+// A ray's band runs from depth z - half to z + half, half = truncation * reach / sqrt(1 + x^2 +
+// y^2). In units of a block, relative to block `base` near the camera, its ends are q = origin + z
+// (x a0 + y a1 + a2); the walk from the block of one end to that of the other takes the nearest
+// wall each time (Amanatides and Woo 1987). Floats: a coordinate is good to 2 um at 10 m. A fixed
+// order of operations: every instruction set finds the same blocks.
 #pragma once
 
 #include <cstdint>

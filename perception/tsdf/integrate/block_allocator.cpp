@@ -115,10 +115,10 @@ BandJob BlockAllocator::job_of(const FrameCamera& view) noexcept {
   return job;
 }
 
-// Bands of rows at once: what do they lack? Then row by row it is made, in the order of block coordinates; what
-// an earlier row has made by then is there already. So the result does not depend on how many rays or
-// rows are looked at together. Where much is new (a first image) a band has no room for all its rows: it
-// goes over the rest again.
+// Bands of rows at once: what do they lack? Then row by row it is made, in the order of block
+// coordinates; what an earlier row has made by then is there already. So the result does not depend
+// on how many rays or rows are looked at together. Where much is new (a first image) a band has no
+// room for all its rows: it goes over the rest again.
 void BlockAllocator::allocate_band(const FrameCamera& view, int pixel_step, rt::ForkJoin& crew,
                                    IntegrateStats& stats) noexcept {
   const Intrinsics& k = view.frame.intrinsics;

@@ -158,7 +158,8 @@ void Integrator::update_blocks(const FrameCamera& view, IntegrateStats& stats) n
   }
 }
 
-// Of those in view, `first` .. `last` - 1. A block's memory is asked for while those before it are worked on.
+// Of those in view, `first` .. `last` - 1. A block's memory is asked for while those before it are
+// worked on.
 void Integrator::update_range(const FrameCamera& view, const UpdateCamera& cam, int first, int last,
                               IntegrateStats& stats) noexcept {
   constexpr int kLead = 2;

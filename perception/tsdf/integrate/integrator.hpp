@@ -2,8 +2,8 @@
 // surfaces, update the blocks in view, carve free space.
 //
 // Distance  projective: along the viewing ray, (depth - z) * |ray|, so |grad| need not be 1.
-// Band      the truncation along the ray; at grazing angles up to three times that, with the distance
-//           clipped to it, so that 2.5 voxels across the surface are known on either side.
+// Band      the truncation along the ray; at grazing angles up to three times that, with the
+//           distance clipped to it, so that 2.5 voxels across the surface are known on either side.
 // Thread    of the map's writer, with a crew; the same bytes for any number of threads. No
 //           allocation after the constructor.
 #pragma once

@@ -20,8 +20,9 @@ namespace perception {
 namespace HWY_NAMESPACE {
 
 #if HWY_TARGET != HWY_SCALAR
-// What the image shows at the nodes of a vector near the surface: the byte of each, the image's first pixel at other
-// nodes. Four bytes are read, of which the fourth is not looked at: the last pixel is read a byte early.
+// What the image shows at the nodes of a vector near the surface: the byte of each, the image's
+// first pixel at other nodes. Four bytes are read, of which the fourth is not looked at: the last
+// pixel is read a byte early.
 HWY_INLINE VU byte_of(const UpdateCamera& c, VU early, std::size_t n, const Work& work) {
   const VU pixel = hn::Load(DU(), work.at.pixel + n);
   const VU number = number_of(pixel, static_cast<std::int32_t>(c.colour_stride_px));

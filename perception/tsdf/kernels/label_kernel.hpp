@@ -1,7 +1,7 @@
 // The inner loop of the label votes: one label image into one block, by the rule of
-// perception/segmentation/label_vote.hpp. Nodes, pixels and distances are those of voxel_update.hpp, to
-// the last bit; the reading must be one that is fused (weight > 0) for a vote, any reading for free
-// space.
+// perception/segmentation/label_vote.hpp. Nodes, pixels and distances are those of
+// voxel_update.hpp, to the last bit; the reading must be one that is fused (weight > 0) for a vote,
+// any reading for free space.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// The nodes of a block on the image: what the vector kernels of integration and of the label votes share.
-// Included once per instruction set (Highway's way: no guard but the toggle).
+// The nodes of a block on the image: what the vector kernels of integration and of the label votes
+// share. Included once per instruction set (Highway's way: no guard but the toggle).
 #include <cstdint>
 #include <cstring>
 

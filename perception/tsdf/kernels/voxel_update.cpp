@@ -36,8 +36,8 @@ HWY_INLINE VF distance_of(VU word) {
   return hn::ConvertTo(DF(), hn::ShiftRight<16>(hn::BitCast(di, hn::ShiftLeft<16>(word))));
 }
 
-// Before and behind, as far as z alone tells: the stretch is at least 1, so what lies beyond the limit without it does
-// so with it.
+// Before and behind, as far as z alone tells: the stretch is at least 1, so what lies beyond the
+// limit without it does so with it.
 HWY_INLINE void sort_out(const UpdateCamera& c, VU reading, std::size_t n, Work& work) {
   const DF df;
   const VU depth = depth_of(reading);
@@ -68,7 +68,8 @@ HWY_INLINE void list_learners(const BlockMemory& block, Work& work) {
   }
 }
 
-// The word of distance d and weight w after a reading of value and weight, void where both weights are 0.
+// The word of distance d and weight w after a reading of value and weight, void where both weights
+// are 0.
 HWY_INLINE VU mean_word(VU cap, VF d, VU w, VF value, VU w_new) {
   const DU du;
   const VU w_sum = hn::Add(w, w_new);
@@ -253,7 +254,8 @@ BlockCounts update_block_scalar(const UpdateCamera& c, const float (&p0)[3],
 
 BlockCounts update_block(const UpdateCamera& c, const float (&p0)[3], bool inside,
                          const BlockMemory& block) noexcept {
-  // The vectors read a colour in four bytes: an image of one pixel has three. They count rows of colours in 16 bits.
+  // The vectors read a colour in four bytes: an image of one pixel has three. They count rows of
+  // colours in 16 bits.
   if (simd::chosen() == simd::Isa::kScalar || c.width * c.height == 1 ||
       c.colour_stride_px > 0x7fff)
     return update_block_scalar(c, p0, block);

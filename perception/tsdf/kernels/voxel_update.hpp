@@ -1,8 +1,9 @@
-// The inner loop of integration: one frame into one block. The arithmetic is fixed to the operation,
-// in float without contraction, so that every instruction set stores the same words:
+// The inner loop of integration: one frame into one block. The arithmetic is fixed to the
+// operation, in float without contraction, so that every instruction set stores the same words:
 //
 //   p     = p0 + ((x dx + y dy) + z dz)          node (x,y,z) of the block in the camera frame
-//   u, v  = (p.x / p.z) fx + (cx + 0.5), ...     floor is the pixel; none outside the image or p.z < 0.05
+//   u, v  = (p.x / p.z) fx + (cx + 0.5), ...     floor is the pixel; none outside the image or p.z
+//         < 0.05
 //   sdf   = (depth - p.z) * sqrt(1 + (p.x/p.z)^2 + (p.y/p.z)^2)
 //   limit = truncation * the pixel's reach (1 for pixels that only carve)
 //   sdf > limit                 seen through: free. A known voxel learns +1 with weight 2, and its
@@ -56,8 +57,8 @@ struct BlockCounts {
   std::int32_t fused = 0, carved = 0;
 };
 
-// Where a block is kept: 512 words and colours, 8 words of bits. next_words: of the block that comes after it,
-// asked for meanwhile; may be its own.
+// Where a block is kept: 512 words and colours, 8 words of bits. next_words: of the block that
+// comes after it, asked for meanwhile; may be its own.
 struct BlockMemory {
   std::uint32_t* words;
   std::uint64_t* free;

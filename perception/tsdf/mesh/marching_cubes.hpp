@@ -1,10 +1,10 @@
 // The 256 cases of marching cubes, made at compile time instead of typed.
 //
 // Corner c of a cell: bit 2 = x+1, bit 1 = y+1, bit 0 = z+1. Bit c of a case: corner c is inside.
-// On each face the surface enters and leaves round every run of neighbouring inside corners. Seen from
-// outside the cell all faces are walked the same way round, so an edge that one face enters by, the
-// other face leaves by: the crossings link up into closed loops. A face's links depend on its four
-// corners alone, so both cells that share it make the same ones: no holes.
+// On each face the surface enters and leaves round every run of neighbouring inside corners. Seen
+// from outside the cell all faces are walked the same way round, so an edge that one face enters
+// by, the other face leaves by: the crossings link up into closed loops. A face's links depend on
+// its four corners alone, so both cells that share it make the same ones: no holes.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// The cells of a block as marching cubes sees them: which have a surface, and where it cuts their edges.
-// Shared by the mesh of a whole map and by the deltas of a changing one. No allocation.
+// The cells of a block as marching cubes sees them: which have a surface, and where it cuts their
+// edges. Shared by the mesh of a whole map and by the deltas of a changing one. No allocation.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,8 @@
 
 namespace perception {
 
-// A cell belongs to the block of its lowest corner; its others may be in the blocks one to the x, y, z.
+// A cell belongs to the block of its lowest corner; its others may be in the blocks one to the x,
+// y, z.
 class MeshCells {
  public:
   // See MeshOptions. A reader of the map inside: use it only between two changes of the map.

@@ -81,7 +81,8 @@ bool MeshSender::next(int budget, MeshDelta& out) noexcept {
   return true;
 }
 
-// What is no longer in this place of the pool. Where it has another place by now, that is to be sent after this.
+// What is no longer in this place of the pool. Where it has another place by now, that is to be
+// sent after this.
 void MeshSender::withdraw(Sent& sent, MeshDelta& out) noexcept {
   MeshDelta::Block& b = out.blocks[static_cast<std::size_t>(out.block_count++)];
   b = {sent.at, map_.revision(), 0, 0};

@@ -2,9 +2,10 @@
 // blocks. It replaces all that the viewer has of a block; a block that is gone, or has no surface
 // any more, is replaced by nothing.
 //
-//   sender     MeshSender, beside the map's writer. Every call looks on from where the last one stopped, so
-//              no block starves, and cuts at most a given number of blocks; what has not changed since it was
-//              sent costs a few compares. Everything is allocated in the constructor.
+//   sender     MeshSender, beside the map's writer. Every call looks on from where the last one
+//              stopped, so no block starves, and cuts at most a given number of blocks; what has
+//              not changed since it was sent costs a few compares. Everything is allocated in the
+//              constructor.
 //   message    MeshDelta: plain data, bounded.
 //   receiver   MeshStore: what a viewer holds. Any thread of its own; allocates.
 //
@@ -61,8 +62,8 @@ class MeshSender {
   MeshSender(const MeshSender&) = delete;
   MeshSender& operator=(const MeshSender&) = delete;
 
-  // Fills blocks, vertices, triangles and `restart`; cuts at most `budget` blocks. False: nothing to send,
-  // `out` is void. By the thread that changes the map, between two changes.
+  // Fills blocks, vertices, triangles and `restart`; cuts at most `budget` blocks. False: nothing
+  // to send, `out` is void. By the thread that changes the map, between two changes.
   [[nodiscard]] bool next(int budget, MeshDelta& out) noexcept;
   // The receiver has nothing.
   void restart() noexcept;
@@ -93,13 +94,14 @@ class MeshSender {
 
 class MeshStore {
  public:
-  // False, and nothing changed: not a message of a MeshSender (counts that do not fit, numbers that are
-  // none). Then it is not to be taken as received.
+  // False, and nothing changed: not a message of a MeshSender (counts that do not fit, numbers that
+  // are none). Then it is not to be taken as received.
   [[nodiscard]] bool take(const MeshDelta& delta);
   [[nodiscard]] std::size_t blocks() const noexcept { return parts_.size(); }
   [[nodiscard]] std::size_t triangles() const noexcept { return triangles_; }
   [[nodiscard]] std::uint64_t seq() const noexcept { return seq_; }  // of the newest taken
-  // All of it, block by block in order of coordinates; vertices on a block's rim occur in each block.
+  // All of it, block by block in order of coordinates; vertices on a block's rim occur in each
+  // block.
   [[nodiscard]] Mesh mesh() const;
 
  private:

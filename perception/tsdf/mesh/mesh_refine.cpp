@@ -17,8 +17,8 @@ namespace {
 using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
-// Vertices in cells of one radius, in the order of the cells; z runs fastest, so the three cells above each other
-// are one run.
+// Vertices in cells of one radius, in the order of the cells; z runs fastest, so the three cells
+// above each other are one run.
 class Cells {
  public:
   Cells(const std::vector<Eigen::Vector3f>& points, double edge) : inv_edge_(1 / edge) {
@@ -105,7 +105,8 @@ class Refiner {
   }
 
  private:
-  // Over the neighbours: weighted products of (1, x, y, x^2, xy, y^2) and of the offset z; lengths in radii.
+  // Over the neighbours: weighted products of (1, x, y, x^2, xy, y^2) and of the offset z; lengths
+  // in radii.
   struct Sums {
     Mat6 A = Mat6::Zero();
     Vec6 b = Vec6::Zero();

@@ -6,7 +6,8 @@
 // Alexa et al. 2003), with these weights:
 //
 //   distance   (1 - r^2 / R^2)^2, R = radius
-//   normal     ((c - c_g) / (1 - c_g))^2, c = cosine between the two, c_g = cosine of most_angle: not round an edge
+//   normal     ((c - c_g) / (1 - c_g))^2, c = cosine between the two, c_g = cosine of most_angle:
+//              not round an edge
 //   offset     (1 - z^2 / voxel^2)^2, z = across: not from one step to the next
 //   readings   how many the vertex rests on
 //

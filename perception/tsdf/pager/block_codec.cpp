@@ -66,7 +66,8 @@ class BitReader {
  private:
   void fill(int bits) noexcept {
     if (bytes_.size() - at_ >= 8 && at_ < bytes_.size()) {
-      // As many whole bytes as fit. What is loaded of the next one beyond them is loaded again, the same, next time.
+      // As many whole bytes as fit. What is loaded of the next one beyond them is loaded again, the
+      // same, next time.
       std::uint64_t next = 0;
       std::memcpy(&next, bytes_.data() + at_, sizeof next);
       held_ |= next << count_;
@@ -133,8 +134,8 @@ Mask mask_of(std::span<const std::uint32_t, kVoxels> v) noexcept {
 }
 bool in(const Mask& m, std::size_t i) noexcept { return ((m[i >> 6U] >> (i & 63U)) & 1U) != 0; }
 
-// What the known neighbours that came before say of the distance at voxel i: the plane through three of
-// them, or one of them.
+// What the known neighbours that came before say of the distance at voxel i: the plane through
+// three of them, or one of them.
 std::uint32_t predict(const std::uint16_t* d, const Mask& known, std::size_t i) noexcept {
   const std::size_t z = i & 7U, y = (i >> 3U) & 7U, x = i >> 6U;
   const bool has_z = z > 0 && in(known, i - 1), has_y = y > 0 && in(known, i - 8),

@@ -2,17 +2,18 @@
 // The same block always gives the same bytes.
 //
 //   flags      bit 0: there are colours; bit 1: there are labels
-//   free       of the 8 words: which are not 0, which are all ones (one bit each), then the others as they are
-//   words      512 bits: which are not 0; of those distance (against the plane through the neighbours that
-//              came before), then weight (against the one before)
-//   colours    512 bits: which are not 0; of those red, green, blue, readings, readings without colour
-//              (geometry/no_colour.hpp), each against the one before
+//   free       of the 8 words: which are not 0, which are all ones (one bit each), then the others
+//              as they are
+//   words      512 bits: which are not 0; of those distance (against the plane through the
+//              neighbours that came before), then weight (against the one before)
+//   colours    512 bits: which are not 0; of those red, green, blue, readings, readings without
+//              colour (geometry/no_colour.hpp), each against the one before
 //   labels     label, weight of all 512, each against the one before
 //
-// Numbers are residuals, sign folded into bit 0, in groups of 16: 5 bits of width, then so many bits each.
-// Decoding accepts any bytes and never reads beyond them. It refuses values that the map can not
-// hold (weights above their cap, a distance of -32768, more coloured readings than readings, a
-// colour without one, labels above kMostLabel) and bytes that are left over.
+// Numbers are residuals, sign folded into bit 0, in groups of 16: 5 bits of width, then so many
+// bits each. Decoding accepts any bytes and never reads beyond them. It refuses values that the map
+// can not hold (weights above their cap, a distance of -32768, more coloured readings than
+// readings, a colour without one, labels above kMostLabel) and bytes that are left over.
 #pragma once
 
 #include <array>

@@ -42,7 +42,8 @@ bool write_chunk(const MapStore& store, const MapLayout::Chunk& c, std::uint32_t
   return true;
 }
 
-// Of a record that the pools have room for. labels: those that were not forgotten since. image: room for one block.
+// Of a record that the pools have room for. labels: those that were not forgotten since. image:
+// room for one block.
 template <class Source>
 void restore_chunk(MapStore& store, Source& source, std::uint32_t labels, BlockImage& image,
                    PageStats& stats) noexcept {

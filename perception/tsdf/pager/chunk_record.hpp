@@ -1,12 +1,13 @@
 // A chunk with its blocks as one run of bytes (little-endian):
 //
-//   head     x, y, z (int32), carved (uint32), blocks, blocks with labels (uint16), labels that occur (uint32)
-//   free     of the 512 words of 2^3-node cells: which are not 0 (64 bytes), which are all ones (64 bytes),
-//            then the others as they are
+//   head     x, y, z (int32), carved (uint32), blocks, blocks with labels (uint16), labels that
+//            occur (uint32)
+//   free     of the 512 words of 2^3-node cells: which are not 0 (64 bytes), which are all ones (64
+//            bytes), then the others as they are
 //   blocks   slot (uint16, rising), bytes (uint16), the block (block_codec.hpp)
 //
-// A sink is called with spans and says whether there was room; a source fills spans and says whether that
-// many bytes were left.
+// A sink is called with spans and says whether there was room; a source fills spans and says
+// whether that many bytes were left.
 #pragma once
 
 #include <array>

@@ -29,8 +29,8 @@ class FarStore {
 
   FarStore(rt::NonRealtime& nrt, std::size_t bytes, std::size_t max_records);
 
-  // One record is written at a time: begin, append ..., then commit or cancel. False: no room; the record
-  // is then cancelled.
+  // One record is written at a time: begin, append ..., then commit or cancel. False: no room; the
+  // record is then cancelled.
   [[nodiscard]] bool begin() noexcept;
   [[nodiscard]] bool append(std::span<const std::uint8_t> bytes) noexcept;
   void commit(const Record& about) noexcept;  // coordinates, counts and labels of `about`

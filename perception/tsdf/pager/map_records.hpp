@@ -13,8 +13,8 @@ namespace perception {
 
 using RecordFn = std::function<void(std::span<const std::uint8_t>)>;
 
-// fn(record) for every chunk that holds anything, put away or not, in order of coordinates. The same
-// content gives the same bytes.
+// fn(record) for every chunk that holds anything, put away or not, in order of coordinates. The
+// same content gives the same bytes.
 void write_records(rt::NonRealtime&, const MapStore& store, const FarStore& far,
                    const RecordFn& fn);
 

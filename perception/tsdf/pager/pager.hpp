@@ -52,8 +52,8 @@ class Pager {
   void forget_label(std::uint8_t label) noexcept;
   void clear() noexcept { far_.clear(); }
 
-  // Adds a chunk that is nowhere yet: to the pools, or beyond them to the far store. False: no room for it, nothing changed.
-  // bytes: its record, checked; about: what it says of itself.
+  // Adds a chunk that is nowhere yet: to the pools, or beyond them to the far store. False: no room
+  // for it, nothing changed. bytes: its record, checked; about: what it says of itself.
   [[nodiscard]] bool admit(const FarStore::Record& about,
                            std::span<const std::uint8_t> bytes) noexcept;
   [[nodiscard]] const FarStore& far_store() const noexcept { return far_; }

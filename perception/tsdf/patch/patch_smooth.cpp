@@ -21,7 +21,8 @@ constexpr int kLayers = 3;             // along a ray nodes were told by the sam
 
 }  // namespace
 
-// Normal equations in the order 1, t1, t2, h, h^2, t1^2, t1 t2, t2^2: the first five are the plane's.
+// Normal equations in the order 1, t1, t2, h, h^2, t1^2, t1 t2, t2^2: the first five are the
+// plane's.
 struct PatchSmoother::Fit {
   using Row = Eigen::Array<float, kTerms, 1>;
   std::array<Row, kTerms> m;
@@ -161,7 +162,8 @@ float PatchSmoother::smoothed(std::ptrdiff_t at) const noexcept {
   const float counts = curved > 2 * noise ? 1 - 2 * noise / curved : 0.0F;
   const float flat = fit.solution(kPlane)[0];
   const auto bent = fit.solution(kTerms);
-  // What the fourth order of a ball's face leaves in the fit, against the noise that the fit takes out.
+  // What the fourth order of a ball's face leaves in the fit, against the noise that the fit takes
+  // out.
   const auto radius = static_cast<float>(options_.radius);
   const float bend =
       counts * (2 * std::max(std::abs(bent[5]), std::abs(bent[7])) + std::abs(bent[6])) / slope;

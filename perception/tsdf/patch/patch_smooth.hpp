@@ -9,9 +9,11 @@
 //   d(o) = a + g.o + q (n.o)^2 + k (c1 t1^2 + c2 t1 t2 + c3 t2^2),   n = g / |g|, t1, t2 across it
 //
 //   o        a neighbour's offset, voxels, |o| < radius, within 1.25 voxels of the surface; weight (1 - |o|^2 / R^2)^2
-//   q        a projective distance is not linear across a slanted face: - z h / (1 + h / c), c = the camera's distance
+//   q        a projective distance is not linear across a slanted face: - z h / (1 + h / c), c =
+//            the camera's distance
 //   k        curvature counts as far as it exceeds its own standard error: max(0, 1 - 2 / F)
-//   residual kNoise voxels of RMS are noise and are taken out, kShape are shape and stay as they are; between them,
+//   residual kNoise voxels of RMS are noise and are taken out, kShape are shape and stay as they
+//   are; between them,
 //            smoothly less. At a crease, a rim, a thin wall nothing changes by a bit.
 //
 // The new value of a node depends on the map alone. How much of it is used fades out from .65 reach
@@ -60,7 +62,8 @@ class PatchSmoother {
     std::int16_t distance;
   };
   struct Fit;
-  // The nodes about `first` as one block, in voxels; NaN: not observed, cut off, or outside the patch.
+  // The nodes about `first` as one block, in voxels; NaN: not observed, cut off, or outside the
+  // patch.
   void take(const SurfacePatch& patch, const std::array<int, 3>& first, int edge) noexcept;
   [[nodiscard]] float smoothed(std::ptrdiff_t at) const noexcept;
   [[nodiscard]] bool gradient(std::ptrdiff_t at, Eigen::Vector3f& g) const noexcept;

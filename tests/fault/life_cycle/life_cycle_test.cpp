@@ -1,7 +1,8 @@
-// Start, end and sudden end of the demo on the real clock, judged by what the surviving box recorded,
-// in its own clock. The limits are those of docs/faults.md and nothing is added to them. What keeps
-// them is done by real-time jobs; only where a limit is missed *and* the sentinels say that the
-// machine itself held these jobs back in that very time, is the try not measured and made again.
+// Start, end and sudden end of the demo on the real clock, judged by what the surviving box
+// recorded, in its own clock. The limits are those of docs/faults.md and nothing is added to them.
+// What keeps them is done by real-time jobs; only where a limit is missed *and* the sentinels say
+// that the machine itself held these jobs back in that very time, is the try not measured and made
+// again.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -39,8 +40,8 @@ std::int64_t last_job_end(const rt::RunLog& log, bool actuators_only) {
   return last;
 }
 
-// How long the machine held back the survivor's cores between two instants: the time that at least one
-// of its sentinels overslept.
+// How long the machine held back the survivor's cores between two instants: the time that at least
+// one of its sentinels overslept.
 double held_back_ms(const rt::RunLog& log, std::int64_t from, std::int64_t to) {
   std::vector<std::pair<std::int64_t, std::int64_t>> spans;
   for (const auto& s : log.sentinels) {

@@ -1,5 +1,5 @@
-// The console's rows of kLimitTable on the virtual clock: what it shows that is silent, or old, it names; within the limits
-// nothing.
+// The console's rows of kLimitTable on the virtual clock: what it shows that is silent, or old, it
+// names; within the limits nothing.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

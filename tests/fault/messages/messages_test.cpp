@@ -325,8 +325,8 @@ TEST(MessageFaults, AnOldPathHaltsTheRobot) {
   EXPECT_EQ(r.op.view.beyond, std::vector<std::string_view>{"path"});
 }
 
-// The published method's ray cast, whole every 400 ms from the first claimed image on: five that do not come, one that is no
-// number, and old ones. The hand rests on the floor until 4.6 s.
+// The published method's ray cast, whole every 400 ms from the first claimed image on: five that do
+// not come, one that is no number, and old ones. The hand rests on the floor until 4.6 s.
 TEST(MessageFaults, ARayCastThatDoesNotComeOrIsNoNumberGivesNoForce) {
   const std::vector<std::string> method{"haptic.method=\"force_shading\""};
   const auto count = [](const VirtualRun& r, rt::FaultId fault) {

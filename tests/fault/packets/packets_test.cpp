@@ -64,8 +64,8 @@ struct Motion {
   double late_m_per_s = 0;                       // fastest when it had to stand
 };
 
-// By the robot's own records: each of its jobs says whether the link is silent to it, each sample how
-// fast the base is and in which mode.
+// By the robot's own records: each of its jobs says whether the link is silent to it, each sample
+// how fast the base is and in which mode.
 Motion motion_of(const teletact::RobotHalf& robot, std::int64_t road_epoch_ns) {
   Motion out;
   std::vector<std::pair<std::int64_t, std::int64_t>> silent;

@@ -1,6 +1,6 @@
 // Faults of the road between the boxes, on the virtual clock: whatever the network does, the base
-// stands and the hand is limp within the limits of docs/faults.md, and the link holds no more memory
-// than before.
+// stands and the hand is limp within the limits of docs/faults.md, and the link holds no more
+// memory than before.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // teletact robot and teletact operator as two processes that know each other only by the road, and
-// what the boxes say of themselves (teletact status). No limit on wall time: waits are generous, and
-// a run that the machine itself disturbed is to be made again.
+// what the boxes say of themselves (teletact status). No limit on wall time: waits are generous,
+// and a run that the machine itself disturbed is to be made again.
 #pragma once
 
 #include <arpa/inet.h>

@@ -1,6 +1,6 @@
 // teletact robot and teletact operator as two processes that know each other only by the road: they
-// start in any order, are killed and started again, and go on; motion wants an act each time. What is
-// judged is what the boxes say of themselves (teletact status). No limit on wall time: waits are
+// start in any order, are killed and started again, and go on; motion wants an act each time. What
+// is judged is what the boxes say of themselves (teletact status). No limit on wall time: waits are
 // generous, and a run that the machine itself disturbed is made again.
 #include "tests/fault/two_boxes/boxes.hpp"
 
@@ -77,8 +77,8 @@ TEST(TwoBoxes, TheRobotFirstAndDials) {
   tell("b", [](const std::string& name) { return story(name, false, true); });
 }
 
-// As a service does it: SIGTERM, and the same command again. Nothing that the first run left refuses
-// the second.
+// As a service does it: SIGTERM, and the same command again. Nothing that the first run left
+// refuses the second.
 TEST(TwoBoxes, AnOrderlyStopAndAStartAgainInTheSameFolder) {
   Boxes b("again", false);
   for (BoxProgram* box : {&b.robot, &b.op}) {

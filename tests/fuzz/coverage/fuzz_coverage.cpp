@@ -1,11 +1,13 @@
 // The seam between libFuzzer and FuzzReaders: one reader a process.
 //
 //   fuzz_coverage --list                         names of the readers
-//   fuzz_coverage --reader=NAME --seeds=FOLDER   writes the good files of the reader there, and ends
+//   fuzz_coverage --reader=NAME --seeds=FOLDER   writes the good files of the reader there, and
+//                                                ends
 //   fuzz_coverage --reader=NAME FOLDER ...       libFuzzer's own options and corpus folders
 //
-// libFuzzer leaves options that begin with two dashes to the program. A reader ends with a result or with
-// one line; an exception, an empty line or two lines are aborts, so libFuzzer keeps the input.
+// libFuzzer leaves options that begin with two dashes to the program. A reader ends with a result
+// or with one line; an exception, an empty line or two lines are aborts, so libFuzzer keeps the
+// input.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

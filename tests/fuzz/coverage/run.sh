@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# Every reader under libFuzzer for a while: TELETACT_FUZZ_SECONDS of each, 20 unless told. An input that is
-# wrong is kept in the working folder as crash-*, timeout-* or oom-*.
+# Every reader under libFuzzer for a while: TELETACT_FUZZ_SECONDS of each, 20 unless told. An input
+# that is wrong is kept in the working folder as crash-*, timeout-* or oom-*.
 set -uo pipefail
 program=$1
 seconds=${TELETACT_FUZZ_SECONDS:-20}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-# A reader that must be caught, before those that must not: a program that can not fail shows nothing.
+# A reader that must be caught, before those that must not: a program that can not fail shows
+# nothing.
 "$program" --reader=wrong --seeds="$work/wrong"
 if "$program" --reader=wrong "$work/wrong" -max_total_time=60 -artifact_prefix="$work/" >"$work/said" 2>&1 ||
   ! grep -q 'message that is no line' "$work/said"; then

@@ -1,5 +1,5 @@
-// Every reader of outside files for a few seconds; `teletact bench fuzz` does it for longer. And the harness
-// itself: it must see a reader that is wrong.
+// Every reader of outside files for a few seconds; `teletact bench fuzz` does it for longer. And
+// the harness itself: it must see a reader that is wrong.
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -37,7 +37,8 @@ class FuzzReadersTest : public ::testing::Test {
   FuzzOptions options_;
 };
 
-// 30 s of CPU in all; TELETACT_FUZZ_SECONDS asks for another time, TELETACT_FUZZ_SEED for other damage.
+// 30 s of CPU in all; TELETACT_FUZZ_SECONDS asks for another time, TELETACT_FUZZ_SEED for other
+// damage.
 TEST_F(FuzzReadersTest, EndWithAResultOrOneLine) {
   const teletact::FuzzReaders readers;
   const char* asked = std::getenv("TELETACT_FUZZ_SECONDS");

@@ -8,7 +8,8 @@ trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
 failed=0
 
-# refused CODE PATTERN WORDS...: that exit code, one line on stderr that matches, and no report folder.
+# refused CODE PATTERN WORDS...: that exit code, one line on stderr that matches, and no report
+# folder.
 refused() {
   local code=$1 pattern=$2
   shift 2

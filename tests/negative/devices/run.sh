@@ -48,9 +48,10 @@ FORCEDIM_SDK=$twin opens device --kind omega --seconds 0.2
 opens device --kind falcon --seconds 0.2 --set device.falcon.twin=true
 opens device --kind mouse --seconds 0.2 --set 'device.mouse.path=""'
 
-# So is ring-down, all the way through them; each takes its time in real time, so beside each other, and what it finds
-# depends on what else runs: any residual will do.
-# A stall of this machine beyond the device's watchdog brakes it in mid-swing, which identify says: then once more.
+# So is ring-down, all the way through them; each takes its time in real time, so beside each other,
+# and what it finds depends on what else runs: any residual will do.
+# A stall of this machine beyond the device's watchdog brakes it in mid-swing, which identify says:
+# then once more.
 rings() {
   local n
   for n in 1 2 3; do

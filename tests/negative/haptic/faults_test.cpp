@@ -56,7 +56,8 @@ struct Judged {
   std::vector<Check> checks;
 };
 
-// Several faults are of one case, and each is judged beside the case without one: a case is run once for each.
+// Several faults are of one case, and each is judged beside the case without one: a case is run
+// once for each.
 const std::vector<Judged>& judged(std::vector<Run> (*run)(const Setting&), Broken broken,
                                   std::size_t place) {
   using Key = std::tuple<std::vector<Run> (*)(const Setting&), Broken, std::size_t>;

@@ -2,9 +2,10 @@
 //
 //   pool_races product|relaxed_call|relaxed_join|no_wake
 //
-// `product` is clean and exits 0. Without the order of the calls (the caller's writes before a part) or of the
-// join (the parts' writes before what the caller does next) ThreadSanitizer must report a data race. With
-// `no_wake` the last worker does not wake the caller: a watcher sees that nothing moves.
+// `product` is clean and exits 0. Without the order of the calls (the caller's writes before a
+// part) or of the join (the parts' writes before what the caller does next) ThreadSanitizer must
+// report a data race. With `no_wake` the last worker does not wake the caller: a watcher sees that
+// nothing moves.
 #include <unistd.h>
 
 #include <array>
@@ -21,8 +22,8 @@ namespace {
 
 constexpr auto kWeak = std::memory_order_relaxed;
 
-// An atomic word whose rising (calls) or falling (join) accesses ignore the order asked for. Calls are only
-// raised, the join only lowered and stored.
+// An atomic word whose rising (calls) or falling (join) accesses ignore the order asked for. Calls
+// are only raised, the join only lowered and stored.
 template <class U, bool kWeakCall, bool kWeakJoin>
 class Weakened {
  public:

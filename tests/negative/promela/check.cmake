@@ -1,5 +1,6 @@
 # cmake -DMODEL=... -DWORK=... -DSPIN=... -DCC=... -DEXPECT=clean|error [-DVARIANT=...] -P check.cmake
-# Verifies one Promela model exhaustively: spin writes the verifier, the compiler builds it, it runs.
+# Verifies one Promela model exhaustively: spin writes the verifier, the compiler builds it, it
+# runs.
 if(NOT SPIN)
   message(FATAL_ERROR "spin is not installed: the Promela models are not checked (apt install spin)")
 endif()

@@ -1,6 +1,7 @@
-// A proxy beside unknown space rests under a slow hand: it does not go to and fro between two places every tick. The field
-// optimum judges nothing there, so the cases leave it out. On fused fields, at grazing views, where what is in front of a
-// sheet is unknown and the projective field overstates a round tip most.
+// A proxy beside unknown space rests under a slow hand: it does not go to and fro between two
+// places every tick. The field optimum judges nothing there, so the cases leave it out. On fused
+// fields, at grazing views, where what is in front of a sheet is unknown and the projective field
+// overstates a round tip most.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
-// The hard cases of touch (tools/measure/stability), each placement at one speed, each speed at each
-// rotation; every setting twice, for the gates (tools/measure/stability/gates.hpp). All settings:
-// tests/stability/full. `teletact stability` prints the table.
+// The hard cases of touch (tools/measure/stability), each placement at one speed, each speed at
+// each rotation; every setting twice, for the gates (tools/measure/stability/gates.hpp). All
+// settings: tests/stability/full. `teletact stability` prints the table.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,10 +16,11 @@ using hard_cases::Missed;
 using stability::Check;
 using stability::Setting;
 
-// What fails: case, fused, check, runs over the limit, the worst figure of them and the optimum's own; where the optimum does not
-// fail as far: runs, worst figure, the optimum's. Fused fields are judged by the true surface, with all of a Kinect's noise: 20
-// images, smoothed round the hand, leave up to 0.13 mm (1) and a crease has the radius of a voxel (2, 5, 6, 7, 10); so much is
-// left of a rising floor's height where it comes to rest (13).
+// What fails: case, fused, check, runs over the limit, the worst figure of them and the optimum's
+// own; where the optimum does not fail as far: runs, worst figure, the optimum's. Fused fields are
+// judged by the true surface, with all of a Kinect's noise: 20 images, smoothed round the hand,
+// leave up to 0.13 mm (1) and a crease has the radius of a voxel (2, 5, 6, 7, 10); so much is left
+// of a rising floor's height where it comes to rest (13).
 constexpr Missed kMissed[] = {
     {1, true, "depth error mm", 5, 0.1277, 1.221e-05, 5, 0.1277, 1.221e-05},
     {1, true, "tangential N", 4, 0.1896, 0.03645, 4, 0.1896, 0.03645},
@@ -120,7 +121,8 @@ TEST(Gates, EachIsMissedByWhatBreaksIt) {
   EXPECT_EQ(missed(bad), "gate: force N;");
 }
 
-// A case whose second run differs in the last bit of one tick, and one that allocates and locks in its step.
+// A case whose second run differs in the last bit of one tick, and one that allocates and locks in
+// its step.
 TEST(Gates, ASettingIsRunTwiceAndEveryTickIsSeen) {
   static int pass = 0;
   pass = 0;
@@ -150,7 +152,8 @@ TEST(Gates, ASettingIsRunTwiceAndEveryTickIsSeen) {
   EXPECT_EQ(rig::Witness::current(), nullptr);
 }
 
-// What fails is compared with the list: nothing new, nothing gone, nothing better or worse goes unnoticed.
+// What fails is compared with the list: nothing new, nothing gone, nothing better or worse goes
+// unnoticed.
 TEST(Known, AnyDifferenceFromTheListIsSeen) {
   constexpr Missed kList[] = {{6, false, "walls", 3, 2, 1.98, 1, 1.6, 1.2}};
   const auto failed = [](std::initializer_list<Check> checks) {
@@ -192,7 +195,8 @@ TEST(Known, AFigureIsAsListedOrNot) {
   EXPECT_FALSE(hard_cases::as_listed(std::nan(""), 0.49));
 }
 
-// The ray cast of the published method lies on the floor, wherever the grid is: a pixel is 2.7 mm wide, 3.9 mm at 45 degrees.
+// The ray cast of the published method lies on the floor, wherever the grid is: a pixel is 2.7 mm
+// wide, 3.9 mm at 45 degrees.
 TEST(Beside, ThePublishedMethodStandsOnTheSameFloor) {
   for (const std::size_t place : {0U, 4U, 8U}) {
     Setting s{rig::placements()[place], 0.2, "force_shading", false};

@@ -1,5 +1,6 @@
-// Every setting of the hard cases: three offsets of the grid, three rotations, three speeds, and on fused fields every
-// view with a tip of 0 and 3 mm. One line of progress a setting. Hours: run by tools/test --long alone.
+// Every setting of the hard cases: three offsets of the grid, three rotations, three speeds, and on
+// fused fields every view with a tip of 0 and 3 mm. One line of progress a setting. Hours: run by
+// tools/test --long alone.
 #include <gtest/gtest.h>
 
 #include <vector>
@@ -11,8 +12,8 @@ namespace {
 using hard_cases::Missed;
 using stability::Setting;
 
-// What fails: case, fused, check, runs over the limit, the worst figure of them and the optimum's own; where the optimum does not
-// fail as far: runs, worst figure, the optimum's.
+// What fails: case, fused, check, runs over the limit, the worst figure of them and the optimum's
+// own; where the optimum does not fail as far: runs, worst figure, the optimum's.
 constexpr Missed kMissed[] = {
     {1, true, "depth error mm", 9, 0.3622, 1.22e-05, 9, 0.3622, 1.22e-05},
     {1, true, "tangential N", 10, 0.1447, 0.03594, 8, 0.1447, 0.03594},

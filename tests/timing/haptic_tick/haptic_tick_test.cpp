@@ -1,4 +1,5 @@
-// What a tick costs, in instructions: a time says as much of the machine as of the tick. Times: `teletact bench haptic`.
+// What a tick costs, in instructions: a time says as much of the machine as of the tick. Times:
+// `teletact bench haptic`.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +27,8 @@ TEST(HapticTick, CountsAreWithinTheirLimits) {
   ASSERT_EQ(r.not_counted, "");
   EXPECT_GT(r.methods.front().contact, 3000U) << "the hand misses the table";
   EXPECT_GT(r.blocks_512, 4 * r.blocks_64) << "the small map is not small";
-  // Everything but times: the size of a tick and of its slow ones, the same on both maps, effects that nobody asked for cost nothing.
+  // Everything but times: the size of a tick and of its slow ones, the same on both maps, effects
+  // that nobody asked for cost nothing.
   int counted = 0;
   for (const teletact::Limit& l : r.limits()) {
     if (l.what.find(", us") != std::string::npos) continue;
@@ -39,7 +41,8 @@ TEST(HapticTick, CountsAreWithinTheirLimits) {
   EXPECT_TRUE(r.guarded);
 }
 
-// A run of the rig as a file: what the task was given in each tick. The work of each tick on the side.
+// A run of the rig as a file: what the task was given in each tick. The work of each tick on the
+// side.
 struct Recorded {
   std::string path;
   std::vector<std::uint32_t> work;
@@ -91,7 +94,8 @@ class RigRun {
   Recorded out_;
 };
 
-// A fused table is smooth; the corner of a room is what costs most: three faces, the window blended, in and out.
+// A fused table is smooth; the corner of a room is what costs most: three faces, the window
+// blended, in and out.
 Recorded corner_of_a_room(const std::string& path, bool noise) {
   rig::Scene s;
   s.solid = [](const rig::Vec3& p, double) { return solids::room_corner(p); };
@@ -114,8 +118,8 @@ Recorded corner_of_a_room(const std::string& path, bool noise) {
   return run.finish();
 }
 
-// No tick there costs more than the samples that it takes are worth, so their number bounds its instructions: what the gates of the
-// hard cases count with (tools/measure/stability/gates.hpp).
+// No tick there costs more than the samples that it takes are worth, so their number bounds its
+// instructions: what the gates of the hard cases count with (tools/measure/stability/gates.hpp).
 TEST(HapticTick, SamplesBoundTheInstructionsOfATick) {
   ASSERT_TRUE(teletact::have_valgrind());
   const auto folder = std::filesystem::temp_directory_path() /

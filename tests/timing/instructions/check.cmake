@@ -20,7 +20,8 @@ math(EXPR long "2 * ${short}")
 function(count program jobs out)
   # A release that is dropped spoils the count; the program says so with 75, and we try again.
   foreach(attempt RANGE 1 5)
-    # Bound at the start: a first call through the linker costs a thousand instructions, in a job or not.
+    # Bound at the start: a first call through the linker costs a thousand instructions, in a job or
+    # not.
     execute_process(COMMAND ${CMAKE_COMMAND} -E env LD_BIND_NOW=1 ${VALGRIND} --tool=callgrind --callgrind-out-file=${WORK}/callgrind.out
       "--toggle-collect=${collect}" ${program} ${CLOCK} ${jobs} ${ARGN}
       RESULT_VARIABLE rc OUTPUT_VARIABLE text ERROR_VARIABLE text)

@@ -17,8 +17,8 @@
 #include "rt/sched/real_executor.hpp"
 #include "rt/sched/virtual_executor.hpp"
 
-// The kernel's text in schedstat has as many digits as the moment gives it, and parsing them takes as
-// many rounds of a loop. Every read that the executors make gets the same text.
+// The kernel's text in schedstat has as many digits as the moment gives it, and parsing them takes
+// as many rounds of a loop. Every read that the executors make gets the same text.
 extern "C" ssize_t pread(int, void* buffer, std::size_t size, off_t) {
   static constexpr char kText[] = "1234567890 1234567 1234\n";
   const std::size_t n = size < sizeof kText - 1 ? size : sizeof kText - 1;

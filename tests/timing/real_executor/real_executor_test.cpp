@@ -117,7 +117,8 @@ TEST(RealExecutor, AnOrdinaryUserIsToldWhatIsMissing) {
   EXPECT_EQ(WEXITSTATUS(status), 0) << "1: a line is missing from missing()";
 }
 
-// The first job from release 10 on runs for 5.5 periods. (Release 10 itself may be lost on a loaded machine.)
+// The first job from release 10 on runs for 5.5 periods. (Release 10 itself may be lost on a loaded
+// machine.)
 class Overrun final : public Body {
  public:
   void work(const rt::Tick& tick) noexcept override {

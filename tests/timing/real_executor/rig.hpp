@@ -1,5 +1,5 @@
-// Runs the real executor on trivial bodies and keeps everything that it says. Nothing here asserts a
-// time: on a loaded machine jobs come late, and the books must still balance.
+// Runs the real executor on trivial bodies and keeps everything that it says. Nothing here asserts
+// a time: on a loaded machine jobs come late, and the books must still balance.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -151,8 +151,8 @@ inline std::int64_t release_of(const Outcome& o, const rt::PlacedTask& t, std::u
 }
 
 // The books of one task: every release is accounted for, every record is on the grid and in order.
-// `whole`: the run was neither stopped nor was a thread lost. `faults`: of the run; a release arrives as much
-// later as its plan says, and never before the one before it.
+// `whole`: the run was neither stopped nor was a thread lost. `faults`: of the run; a release
+// arrives as much later as its plan says, and never before the one before it.
 template <class Faults = rt::Plain>
 void expect_balanced(const Outcome& o, const std::vector<rt::PlacedTask>& tasks, bool whole = true,
                      const Faults& faults = {}) {

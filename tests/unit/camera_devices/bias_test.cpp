@@ -36,7 +36,8 @@ TEST(DepthBias, LinearBetweenPointsAndFlatBeyond) {
   for (int r = 0; r < 65536; r += 13) EXPECT_EQ(none.corrected(static_cast<std::uint16_t>(r)), r);
 }
 
-// A known bias put on, and taken out again: what is left is rounding and the bias' change over itself.
+// A known bias put on, and taken out again: what is left is rounding and the bias' change over
+// itself.
 TEST(DepthBias, TakesOutWhatWasPutOn) {
   const std::uint64_t seed = 3;
   std::printf("  seed %llu\n", static_cast<unsigned long long>(seed));

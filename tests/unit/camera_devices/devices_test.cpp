@@ -1,5 +1,6 @@
-// Real cameras without hardware: OpenNI 2 with the library's own dummy device where it is installed, the Kinect v2
-// code against a stand-in for its library; and what is said when something is missing.
+// Real cameras without hardware: OpenNI 2 with the library's own dummy device where it is
+// installed, the Kinect v2 code against a stand-in for its library; and what is said when something
+// is missing.
 #include <dlfcn.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -36,8 +37,9 @@ using perception::Intrinsics;
 using perception::RgbdFrame;
 using testing::HasSubstr;
 
-// OpenNI 2 and the drivers it loads keep what they allocated when they are unloaded. A sanitizer can leave that
-// out only while the libraries are still there to be named, so none of them is unloaded in these tests.
+// OpenNI 2 and the drivers it loads keep what they allocated when they are unloaded. A sanitizer
+// can leave that out only while the libraries are still there to be named, so none of them is
+// unloaded in these tests.
 class OpenNi2 : public testing::Test {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
  protected:

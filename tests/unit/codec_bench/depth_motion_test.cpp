@@ -1,4 +1,5 @@
-// Rest and motion told from depth alone, on films that did not choose the thresholds. Seeds are printed.
+// Rest and motion told from depth alone, on films that did not choose the thresholds. Seeds are
+// printed.
 #include "drivers/codec/depth_motion.hpp"
 
 #include <gtest/gtest.h>

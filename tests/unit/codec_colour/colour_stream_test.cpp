@@ -1,5 +1,5 @@
-// Colour of a frame through JPEG and H.264: how near it comes back, what a missing, damaged or foreign
-// picture does, what rate and key do. Seeds are printed.
+// Colour of a frame through JPEG and H.264: how near it comes back, what a missing, damaged or
+// foreign picture does, what rate and key do. Seeds are printed.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// A server with a page on disk, and browsers that share no code with it: sockets, HTTP and WebSocket
-// frames by hand, TLS by OpenSSL.
+// A server with a page on disk, and browsers that share no code with it: sockets, HTTP and
+// WebSocket frames by hand, TLS by OpenSSL.
 #pragma once
 
 #include <gmock/gmock.h>

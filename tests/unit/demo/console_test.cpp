@@ -1,4 +1,5 @@
-// The operator's console at a device that has braked: of a twin it acts for the person, of a device it waits for one.
+// The operator's console at a device that has braked: of a twin it acts for the person, of a device
+// it waits for one.
 #include "tools/host/console.hpp"
 
 #include <gtest/gtest.h>
@@ -7,7 +8,8 @@ namespace {
 
 using drivers::DeviceState;
 
-// So many times the console asked for forces: braked for 2 s, then the clutch pressed for 100 ms and let go.
+// So many times the console asked for forces: braked for 2 s, then the clutch pressed for 100 ms
+// and let go.
 struct Asked {
   std::uint32_t waiting = 0, after_the_clutch = 0;
   std::string status;  // while it waits

@@ -77,7 +77,8 @@ TEST(Demo, MarkBecomesAPathAndTheRobotDrivesIt) {
   const auto tracked = teletact::rendered_figures(*scene, r.op, r.robot);
   EXPECT_GT(tracked.ate_first_pose_mm, 0);
   EXPECT_LT(tracked.ate_first_pose_mm, 10);
-  // The mark lies nearer to the pedestal than the base may stand: the goal is moved away from it, no further.
+  // The mark lies nearer to the pedestal than the base may stand: the goal is moved away from it,
+  // no further.
   EXPECT_LE(value(r, "robot.mark_error_m"), 0.20);
   EXPECT_EQ(value(r, "robot.collisions"), 0);
   EXPECT_GE(value(r, "robot.path_m"), 1.5);
@@ -298,8 +299,8 @@ SafeStop safe_stop_of(const VirtualRun& r) {
   return out;
 }
 
-// A safe stop of both boxes, which no timeout ends but the operator: clear, then engage. A mark that he
-// makes after it is driven to.
+// A safe stop of both boxes, which no timeout ends but the operator: clear, then engage. A mark
+// that he makes after it is driven to.
 TEST(Demo, ASafeStopOfTheRobotIsClearedByTheOperatorAndTheRunGoesOn) {
   const DemoOptions options = stalled(1300);
   const VirtualRun r = run(18, {}, options);
@@ -315,8 +316,8 @@ TEST(Demo, ASafeStopOfTheRobotIsClearedByTheOperatorAndTheRunGoesOn) {
   std::remove(options.fault_plan.c_str());
 }
 
-// A stop on the way forgets the goal: engaged again, the base does not set off by itself. Without the
-// operator's acts it stays in its safe stop.
+// A stop on the way forgets the goal: engaged again, the base does not set off by itself. Without
+// the operator's acts it stays in its safe stop.
 TEST(Demo, ASafeStopForgetsTheGoal) {
   const DemoOptions options = stalled(6500);
   const VirtualRun r = run(12, {}, options);

@@ -1,5 +1,5 @@
-// What the operator asks of the scene while the stack runs, on the virtual clock: through the console's script,
-// the edge to fusion, map and cost map to the path.
+// What the operator asks of the scene while the stack runs, on the virtual clock: through the
+// console's script, the edge to fusion, map and cost map to the path.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -159,9 +159,9 @@ int found_at(const VirtualRun& r) {
   return -1;
 }
 
-// A map of an earlier run, loaded by the scene's key: the camera is found in it, where the run begins elsewhere and
-// looks elsewhere. Then the hurdle of that run is gone: what is seen contradicts the map, and the ghost stays; the
-// operator clears it, and the camera is found.
+// A map of an earlier run, loaded by the scene's key: the camera is found in it, where the run
+// begins elsewhere and looks elsewhere. Then the hurdle of that run is gone: what is seen
+// contradicts the map, and the ghost stays; the operator clears it, and the camera is found.
 TEST(SceneEdits, AStoredMapIsFoundByKeyAndAGhostInItIsCleared) {
   const std::string map_file = (folder() / "room.map").string();
   {

@@ -1,5 +1,5 @@
-// The published method of touch, live: a scene that asks for it gets fusion's ray cast, and what the hand feels of the default
-// scene is a surface.
+// The published method of touch, live: a scene that asks for it gets fusion's ray cast, and what
+// the hand feels of the default scene is a surface.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -60,10 +60,11 @@ TEST(ForceShadingLive, TheSceneIsTouchedWithTheForceOfASpring) {
   EXPECT_LE(r.op.force_check.relative_error_p95, 0.10);
 }
 
-// The floor lies at 0 m, and the hand presses on it and slides where the camera sees it. (The pedestal's top is out of view when it
-// is touched: the nearest point of the cast is then elsewhere, which is the method's own.) The method takes the nearest of the
-// cast's points, whose heights scatter by millimetres at 20 mm voxels (2.7 and 0.05 mm here, one after the other): the force is
-// the spring's from where that point is, and the point no more than 4 mm off the floor.
+// The floor lies at 0 m, and the hand presses on it and slides where the camera sees it. (The
+// pedestal's top is out of view when it is touched: the nearest point of the cast is then
+// elsewhere, which is the method's own.) The method takes the nearest of the cast's points, whose
+// heights scatter by millimetres at 20 mm voxels (2.7 and 0.05 mm here, one after the other): the
+// force is the spring's from where that point is, and the point no more than 4 mm off the floor.
 TEST(ForceShadingLive, OnAFlatFaceInViewTheForceIsStiffnessTimesDepth) {
   const VirtualRun& r = touched();
   const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), {});

@@ -1,5 +1,5 @@
-// The whole stack on the recorded kitchen: every image tracked, and a hand that presses at image points
-// of what was fused meets it with the force of a spring. Skipped where the recording is not.
+// The whole stack on the recorded kitchen: every image tracked, and a hand that presses at image
+// points of what was fused meets it with the force of a spring. Skipped where the recording is not.
 #include <gtest/gtest.h>
 
 #include <cmath>

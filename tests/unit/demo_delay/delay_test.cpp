@@ -1,5 +1,5 @@
-// The default demo over a late link: where the delay is to be borne it drives to its goal, beyond that it stands, and says
-// why at every place where a person looks.
+// The default demo over a late link: where the delay is to be borne it drives to its goal, beyond
+// that it stands, and says why at every place where a person looks.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

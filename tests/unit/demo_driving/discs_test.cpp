@@ -1,5 +1,5 @@
-// No-go discs drawn into the default room while the robot drives: it never touches anything, and it arrives or
-// says that there is no way and stands.
+// No-go discs drawn into the default room while the robot drives: it never touches anything, and it
+// arrives or says that there is no way and stands.
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>

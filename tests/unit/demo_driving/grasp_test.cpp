@@ -1,5 +1,5 @@
-// A mark on a box, its goal a grasp: the robot ends where the arm reaches the box as it is in the world, facing
-// it, and has touched nothing.
+// A mark on a box, its goal a grasp: the robot ends where the arm reaches the box as it is in the
+// world, facing it, and has touched nothing.
 #include <cstdio>
 #include <cstdlib>
 
@@ -35,7 +35,8 @@ TEST(GraspDriven, TheBaseEndsBesideTheObjectWhereTheArmReachesIt) {
   EXPECT_TRUE(d.arrived);
   EXPECT_EQ(d.collisions, 0U);
   EXPECT_GT(d.clearance_m, 0.02);
-  // From above: 0.29 m of base and 50 mm before the box at the least, the arm's length at the most; a cell of leeway.
+  // From above: 0.29 m of base and 50 mm before the box at the least, the arm's length at the most;
+  // a cell of leeway.
   EXPECT_GT(away, 0.39);
   EXPECT_LT(away, 0.54);
   EXPECT_LT(std::abs(facing), 0.1) << "faces it";

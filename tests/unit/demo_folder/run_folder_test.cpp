@@ -1,4 +1,5 @@
-// REPORT/raw: the files of an earlier run are replaced, and nothing that a user has put there is lost.
+// REPORT/raw: the files of an earlier run are replaced, and nothing that a user has put there is
+// lost.
 #include "tools/host/run_folder.hpp"
 
 #include <gmock/gmock.h>

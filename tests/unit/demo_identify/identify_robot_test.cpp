@@ -1,5 +1,5 @@
-// The twin drives, with wheels that are worn and slip and a camera that is mounted elsewhere than stated; what is found
-// is near the truth, and the same from files.
+// The twin drives, with wheels that are worn and slip and a camera that is mounted elsewhere than
+// stated; what is found is near the truth, and the same from files.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -102,7 +102,8 @@ TEST(IdentifyRobot, TheTwinsTruthIsFoundAndTheFilesGiveTheSame) {
               metric(twin, "identify.robot.camera.x_mm"), 2);
   EXPECT_EQ(metric(files, "identify.robot.camera.z_mm"), 950) << "no floor: as stated";
 
-  // The keys that were written load: the stated mount moves to the true one, which stays where it is.
+  // The keys that were written load: the stated mount moves to the true one, which stays where it
+  // is.
   const auto scene = load_scene(find_config("scenes", "rounds"), off());
   const perception::Pose truth = scene->camera.true_X_BC();
   const auto loaded = config::load_file(folder.file("robot.toml"), scene->schema);

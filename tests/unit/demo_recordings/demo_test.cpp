@@ -1,5 +1,5 @@
-// teletact demo --rgbd on recordings that nobody scripted: rendered rooms forwards and backwards, half of the kitchen, and
-// what can not be touched, with its exit code and its one message.
+// teletact demo --rgbd on recordings that nobody scripted: rendered rooms forwards and backwards,
+// half of the kitchen, and what can not be touched, with its exit code and its one message.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -154,7 +154,8 @@ TEST(DemoRecordings, TooShort) {
   expect_refused(demo(f, f / "short"), f / "short", "too short: 5 images");
 }
 
-// Only a wall: which way the camera went along it nobody can tell, so nothing but the first image is fused.
+// Only a wall: which way the camera went along it nobody can tell, so nothing but the first image
+// is fused.
 TEST(DemoRecordings, OnlyAWall) {
   const Folder f;
   SyntheticRoom room;

@@ -1,5 +1,5 @@
-// Places in pictures that are drawn here ray by ray, and what is remembered of them. The drawing shares nothing with the
-// map's ray cast.
+// Places in pictures that are drawn here ray by ray, and what is remembered of them. The drawing
+// shares nothing with the map's ray cast.
 #include "tools/touch/touch_places.hpp"
 
 #include <gtest/gtest.h>
@@ -205,7 +205,8 @@ TEST(NextPlace, InReachInTurnAndNotTheSameTwice) {
       teletact::next_place(m, *view, reach_at(Vec3(0, 0, -3)), Vec3(0, 0, -3), {}).has_value());
 }
 
-// The straight from one side to the other goes through a thing between them: the hand is drawn back on its way.
+// The straight from one side to the other goes through a thing between them: the hand is drawn back
+// on its way.
 TEST(NextPlace, AroundWhatIsInTheWay) {
   const Box block{Vec3(-0.06, 0.28, 0.7), Vec3(0.06, 0.4, 1.1)};
   TouchPlaces m;

@@ -1,4 +1,5 @@
-// The scene `rounds` with wheels that slip by another seed: four marks, and what odometry alone would have made of them.
+// The scene `rounds` with wheels that slip by another seed: four marks, and what odometry alone
+// would have made of them.
 #pragma once
 
 #include <algorithm>
@@ -88,8 +89,9 @@ inline Round go_round(std::uint64_t seed, double seconds, double dark_from_s = -
 
 inline constexpr double kRounds_s = 65;
 
-// What odometry alone is off by at the last arrival: at least so much, or there is nothing to correct. The slips are of
-// random size to either side and cancel over some ways: over which depends on each turn of the way (docs/prediction.md).
+// What odometry alone is off by at the last arrival: at least so much, or there is nothing to
+// correct. The slips are of random size to either side and cancel over some ways: over which
+// depends on each turn of the way (docs/prediction.md).
 inline constexpr double kUncorrected_m = 0.2;
 
 inline void expect_all_reached(const Round& r, std::uint64_t seed) {

@@ -5,7 +5,8 @@ namespace {
 
 class RoundsOf : public testing::TestWithParam<int> {
  public:
-  // The slips cancelled with eight of twenty seeds when this was first measured; more is another drive.
+  // The slips cancelled with eight of twenty seeds when this was first measured; more is another
+  // drive.
   static void TearDownTestSuite() {
     std::printf("odometry alone is less than %.0f mm off with %d of %d seeds\n",
                 1e3 * kUncorrected_m, near_, ran_);

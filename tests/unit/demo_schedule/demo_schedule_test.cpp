@@ -1,7 +1,7 @@
-// `teletact demo --clock virtual` against the tick-by-tick reference, job by job: the table, levels, cores,
-// priorities, release offsets and costs that the demo itself admits, both boxes with their clocks, for every
-// shipped fault plan and 1,000 random ones. What a job's body does has no part in the schedule
-// (Demo.StubBodiesGiveTheScheduleOfRealOnes), so the bodies are left out.
+// `teletact demo --clock virtual` against the tick-by-tick reference, job by job: the table,
+// levels, cores, priorities, release offsets and costs that the demo itself admits, both boxes with
+// their clocks, for every shipped fault plan and 1,000 random ones. What a job's body does has no
+// part in the schedule (Demo.StubBodiesGiveTheScheduleOfRealOnes), so the bodies are left out.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -63,8 +63,8 @@ SimPolicy policy_of(rt::MissPolicy p) {
   return SimPolicy::kSkip;
 }
 
-// 50 ppm fast, at an epoch where it shows whole numbers: after every 20,000 ns of the host the robot's
-// clock has one more, and that one it steps over.
+// 50 ppm fast, at an epoch where it shows whole numbers: after every 20,000 ns of the host the
+// robot's clock has one more, and that one it steps over.
 Ticks robot_clock(Ticks shown) { return 20000 * (shown / 20001) + shown % 20001; }
 
 // What the demo admitted, as the reference takes it.
@@ -214,8 +214,9 @@ TEST(DemoAgainstReference, OneThousandRandomPlans) {
   EXPECT_GT(sums.aborted, 100U);
 }
 
-// The table as shipped drops releases and changes no level while it runs. The same table with the policy that
-// does, and dearer jobs: every task with more than one variant degrades, as far as its variants go.
+// The table as shipped drops releases and changes no level while it runs. The same table with the
+// policy that does, and dearer jobs: every task with more than one variant degrades, as far as its
+// variants go.
 TEST(DemoAgainstReference, TheSameTableDegrading) {
   Product product(2);
   std::printf("60 s of the demo's table on 2 cores, policy degrade\n");
@@ -228,7 +229,8 @@ TEST(DemoAgainstReference, TheSameTableDegrading) {
     for (std::size_t i = 0; i < host.specs.size(); ++i) {
       if (host.specs[i].levels() > 1) {
         host.specs[i].policy = rt::MissPolicy::kDegrade;
-        // Twice its costs (they are drawn by the budget), or too few jobs are late for a level to change often.
+        // Twice its costs (they are drawn by the budget), or too few jobs are late for a level to
+        // change often.
         for (auto& v : host.specs[i].variants) v.budget *= 2;
         host.admission.tasks[i].last_level = host.specs[i].levels() - 1;
         host.admission.tasks[i].level = 0;

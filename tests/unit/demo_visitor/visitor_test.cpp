@@ -1,6 +1,7 @@
-// Somebody walks into the robot's way (scene visitor), the whole stack on the virtual clock: the base waits or goes round,
-// the hand feels what it feels without them, and nothing of them stays. And the robot's arm reaches before the camera
-// (scene arm): mark, drive and touch are as without it.
+// Somebody walks into the robot's way (scene visitor), the whole stack on the virtual clock: the
+// base waits or goes round, the hand feels what it feels without them, and nothing of them stays.
+// And the robot's arm reaches before the camera (scene arm): mark, drive and touch are as without
+// it.
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -159,7 +160,8 @@ TEST(Visitor, WithoutTheObstacleItIsNotDone) {
   EXPECT_TRUE(v.driven.collisions > 0 || v.mark_m > 0.5) << v.mark_m;
 }
 
-// Nothing of them is left on their way: a second after the end of the walk no cell of it is an obstacle.
+// Nothing of them is left on their way: a second after the end of the walk no cell of it is an
+// obstacle.
 TEST(Visitor, TheirWayIsFreeAfterwards) {
   const auto scene = visited();
   const drivers::World world(startup().token(), scene->world);
@@ -262,8 +264,8 @@ int exit_status(const Scene& scene, const VirtualRun& r) {
   return status;
 }
 
-// Exit 0, and that for its goal: the script asked for one, the run was long enough to be judged by it, and the same run
-// of which it is said that it got nowhere does not exit 0.
+// Exit 0, and that for its goal: the script asked for one, the run was long enough to be judged by
+// it, and the same run of which it is said that it got nowhere does not exit 0.
 void expect_exit_0(const Scene& scene, VirtualRun& r) {
   DemoOptions options;
   options.seconds = kSeconds;
@@ -307,7 +309,8 @@ ArmRun& arm() {
   return r;
 }
 
-// The arm is before the camera, hides a part of the place and is not it: the base drives to the mark as if it were not there.
+// The arm is before the camera, hides a part of the place and is not it: the base drives to the
+// mark as if it were not there.
 TEST(Arm, TheBaseTouchesNothingAndArrives) {
   const auto& r = arm().run;
   const Driven d = judge(*arm().scene, r);

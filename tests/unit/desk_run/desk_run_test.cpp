@@ -1,6 +1,6 @@
-// A run that is driven from a page, on the virtual clock, with a person in place of the page: a goal
-// by click, an obstacle drawn on the way, driving by tokens, a stop; and the same again from its
-// recording.
+// A run that is driven from a page, on the virtual clock, with a person in place of the page: a
+// goal by click, an obstacle drawn on the way, driving by tokens, a stop; and the same again from
+// its recording.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -60,8 +60,8 @@ json drawn_disc(double x_m, double y_m, double radius_m) {
             {"yaw", 0}}}};
 }
 
-// The floor that the camera has seen leaves no way round the drawn disc: the base goes as near as it
-// can and stands clear of it. With the drawing undone it arrives.
+// The floor that the camera has seen leaves no way round the drawn disc: the base goes as near as
+// it can and stands clear of it. With the drawing undone it arrives.
 TEST(DeskRun, ADrawnObstacleIsKeptClearOfAndAGoalByClickIsReachedWithoutItAndReplays) {
   constexpr double kX = 1.43, kY = 0.70, kRadius = 0.08;
   auto s = scene({"fusion.mesh_blocks=100"});
@@ -340,8 +340,8 @@ TEST(DeskRun, DrivingByHandEndsWithItsTokensAndReplays) {
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
 }
 
-// The page says that it sees well and drives on: the box knows better. Frames 105 on do not come, of 30
-// a second.
+// The page says that it sees well and drives on: the box knows better. Frames 105 on do not come,
+// of 30 a second.
 TEST(DeskRun, NobodyDrivesByAPictureOlderThanASecond) {
   const std::string plan = (folder() / "no_frames.toml").string();
   std::ofstream(plan) << "name = \"no_frames\"\nseed = 1\n[[fault]]\nkind = \"drop\"\n"

@@ -49,7 +49,8 @@ TEST(SyntheticCamera, MountLooksForwardAndDown) {
   EXPECT_NEAR(c.X_BC().linear().determinant(), 1, 1e-12);
 }
 
-// Rolled clockwise, what was right in the image points down; and the true mount is the synthetic camera's alone.
+// Rolled clockwise, what was right in the image points down; and the true mount is the synthetic
+// camera's alone.
 TEST(SyntheticCamera, RollAndTrueMount) {
   drivers::SyntheticCameraConfig c;
   EXPECT_TRUE(c.true_X_BC().matrix() == c.X_BC().matrix());

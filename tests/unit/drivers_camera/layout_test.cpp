@@ -1,5 +1,5 @@
-// Folders of TUM RGB-D and of 7-Scenes as they are downloaded: how images are found and paired, which intrinsics
-// count, and that each fault gives one message with its place.
+// Folders of TUM RGB-D and of 7-Scenes as they are downloaded: how images are found and paired,
+// which intrinsics count, and that each fault gives one message with its place.
 #include "drivers/camera/sequence_layout.hpp"
 
 #include <gmock/gmock.h>

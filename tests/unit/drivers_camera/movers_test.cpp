@@ -1,5 +1,5 @@
-// The synthetic camera looks at things that move: the picture of an instant is that of a world in which everything
-// stands where it is then, colours and all.
+// The synthetic camera looks at things that move: the picture of an instant is that of a world in
+// which everything stands where it is then, colours and all.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,5 @@
-// Somebody who is put into another camera's images: nobody before, in true order of depth, large enough, walking.
+// Somebody who is put into another camera's images: nobody before, in true order of depth, large
+// enough, walking.
 #include "drivers/camera/passing_camera.hpp"
 
 #include <gtest/gtest.h>

@@ -138,7 +138,8 @@ TEST(Render, EqualsRayCastInRandomWorlds) {
   }
 }
 
-// Shapes that are there for one image are seen as if they stood in the world, and leave nothing behind.
+// Shapes that are there for one image are seen as if they stood in the world, and leave nothing
+// behind.
 TEST(Render, CarriedShapesAreSeenAsIfTheyStoodThere) {
   WorldConfig c;
   auto& b = c.boxes.emplace_back();

@@ -182,7 +182,8 @@ TEST(Tum, RegistrationLooksColourUpAndLeavesItOutWhereItIsHidden) {
   EXPECT_NE(frame->rgb().at(22, 12), perception::Rgb{});
 }
 
-// Black in the file is a colour; what lies outside the colour image and what has no reading has none.
+// Black in the file is a colour; what lies outside the colour image and what has no reading has
+// none.
 TEST(Tum, BlackInTheFileIsAColour) {
   const TumFolder f(1);
   cv::imwrite(f.file("depth/0.png"), cv::Mat(24, 32, CV_16UC1, cv::Scalar(1000)));

@@ -1,4 +1,5 @@
-// Pixels without colour over the link: exactly these come back without, and none of their neighbours is darker for it.
+// Pixels without colour over the link: exactly these come back without, and none of their
+// neighbours is darker for it.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -51,8 +51,8 @@ TEST(StreamEmulator, WithoutAKeyBytesComeOutAtOnceAndAsTheyAre) {
   EXPECT_EQ(talk.road.next_arrival_ns(), kNever);
 }
 
-// Random traffic over random networks without loss: every byte, in order, none too early, and no more
-// than the line carries.
+// Random traffic over random networks without loss: every byte, in order, none too early, and no
+// more than the line carries.
 TEST(StreamEmulator, RandomTrafficArrivesWholeInOrderAndNotTooEarly) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));

@@ -75,8 +75,8 @@ TEST(EtherCatFrame, BytesOfACycle) {
   EXPECT_EQ(copy(w.finish()), kCycleOut);
 }
 
-// The same frame as five slaves give it back: the first has marked the source, LRW counts 3 (wrote 2,
-// read 1), BRD 5 and as many positions, FPRD 1.
+// The same frame as five slaves give it back: the first has marked the source, LRW counts 3 (wrote
+// 2, read 1), BRD 5 and as many positions, FPRD 1.
 TEST(EtherCatFrame, BytesOfACyclesReply) {
   Bytes b = kCycleOut;
   const auto put = [&](std::size_t at, const Bytes& bytes) {

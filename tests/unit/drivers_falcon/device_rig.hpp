@@ -71,7 +71,8 @@ struct Rig {
     device = std::make_unique<FalconDevice>(startup.token(), d, [this] { return open(); });
     if (c.homed) ticks(3);
   }
-  // The transport locks the twin for the driver's minder; the test's own thread is the event thread.
+  // The transport locks the twin for the driver's minder; the test's own thread is the event
+  // thread.
   class Locked final : public FalconTransport {
    public:
     Locked(Rig& rig) : rig_(rig), inner_(rig.twin, rig.now_ns) {}

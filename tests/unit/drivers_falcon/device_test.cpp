@@ -65,8 +65,8 @@ TEST(FalconDevice, RunsAtOneKilohertz) {
   EXPECT_EQ(rig.device->counters().kicks, 0U);
 }
 
-// From the instant the encoders are read to the instant a torque computed from them is set, over all
-// phases of tick against packets: not more than the delay that the device states.
+// From the instant the encoders are read to the instant a torque computed from them is set, over
+// all phases of tick against packets: not more than the delay that the device states.
 TEST(FalconDevice, StatedDelayHolds) {
   double worst_s = 0;
   for (int phase = 0; phase < 4; ++phase) {
@@ -75,7 +75,8 @@ TEST(FalconDevice, StatedDelayHolds) {
     Rig rig(heavy);
     rig.enable();
     rig.pass(phase * kMs / 4);
-    // A force that is a function of the sample: after a slip of the encoders the next force differs.
+    // A force that is a function of the sample: after a slip of the encoders the next force
+    // differs.
     for (int trial = 0; trial < 40; ++trial) {
       rig.pass((trial % 4) * kMs / 4);
       rig.twin.faults().slip_cnt = {0, 0, static_cast<std::int16_t>(trial % 2 == 0 ? 40 : 0)};

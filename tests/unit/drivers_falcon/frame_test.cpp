@@ -205,9 +205,10 @@ TEST(FalconFramer, DamagedFrames) {
     }
   }
   EXPECT_EQ(found, untouched);
-  // A changed byte that stays in its range can not be seen by the framing (there is no checksum): that
-  // is why the driver judges leaps. Expected of 1 in 7 frames: 12 of 16 bytes with 15 of 255 changes,
-  // 2 of 16 with 127 of 255, together 10.6 %, or 1519 here; four standard deviations more are 1680.
+  // A changed byte that stays in its range can not be seen by the framing (there is no checksum):
+  // that is why the driver judges leaps. Expected of 1 in 7 frames: 12 of 16 bytes with 15 of 255
+  // changes, 2 of 16 with 127 of 255, together 10.6 %, or 1519 here; four standard deviations more
+  // are 1680.
   EXPECT_LT(wrong, 1680U);
   EXPECT_GT(wrong, 1360U);
 }

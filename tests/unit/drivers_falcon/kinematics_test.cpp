@@ -32,8 +32,9 @@ Vec3 in_workspace(rt::Random& random, double radius = 0.05) {
   }
 }
 
-// How far a leg is from closing: walks from the base over thigh, joint, shin and joint to the plate,
-// with the two angles that the wanted end leaves open found from the ends, not from the solution.
+// How far a leg is from closing: walks from the base over thigh, joint, shin and joint to the
+// plate, with the two angles that the wanted end leaves open found from the ends, not from the
+// solution.
 double gap(int leg, const Vec3& p, double theta1) {
   const double c = std::cos(phi(leg)), s = std::sin(phi(leg));
   const Vec3 knee_uvw(kR + kA * std::cos(theta1), 0, kA * std::sin(theta1));

@@ -128,8 +128,8 @@ TEST(CommandGate, AnotherConnectionBeginsAnewAndKeepsTheCounts) {
   EXPECT_EQ(gate.report().all(), 1U);
 }
 
-// A road that delays, drops, repeats and reorders: what is taken to be followed comes in order, each
-// message once, and none past its validity; and nothing else is refused.
+// A road that delays, drops, repeats and reorders: what is taken to be followed comes in order,
+// each message once, and none past its validity; and nothing else is refused.
 TEST(CommandGate, RandomRoads) {
   constexpr std::uint64_t kSeed = 20110;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));

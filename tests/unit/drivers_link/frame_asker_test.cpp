@@ -1,5 +1,5 @@
-// Who asks for frames: one demand at a time, each answered by one frame that is sent, keys when they are needed and
-// only then; and a line that is too slow gets coarser, then fewer frames.
+// Who asks for frames: one demand at a time, each answered by one frame that is sent, keys when
+// they are needed and only then; and a line that is too slow gets coarser, then fewer frames.
 #include "drivers/link/frame_asker.hpp"
 
 #include <gtest/gtest.h>
@@ -72,7 +72,8 @@ TEST(FrameAsker, NothingNewIsAskedWhileTheLineIsBusyForLong) {
   EXPECT_EQ(d->seq, 2U);
 }
 
-// The road wishes to be spared: coarser frames, then fewer, whatever the line shows; and back at once.
+// The road wishes to be spared: coarser frames, then fewer, whatever the line shows; and back at
+// once.
 TEST(FrameAsker, AWishOfTheRoadIsAtLeastTheRung) {
   FrameAsker asker;
   auto demand = [&, ms = std::int64_t{0}, seq = std::uint64_t{0}](int wish) mutable {
@@ -267,8 +268,8 @@ TEST(FrameAsker, ASlowRoadGetsCoarserThenFewerFramesAndFinerOnesAgain) {
 }
 
 // TCP feels its way up from ten packets a round trip: the first frames of a connection take round
-// trips of a long road each, whatever the road carries. 55 % of a camera period is the most at which
-// a rung would come back, so what was lowered then would stay for long.
+// trips of a long road each, whatever the road carries. 55 % of a camera period is the most at
+// which a rung would come back, so what was lowered then would stay for long.
 TEST(FrameAsker, TheFirstFramesOfAConnectionSayNothingOfTheLine) {
   Road road(8'800);
   road.delta_bytes = 24'000;  // 22 ms, .65 of a camera period

@@ -14,8 +14,8 @@ using drivers::MessageId;
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kTurn_ms = 20;
 
-// One end that says what the road's ends say: something each 10 ms, something each 50 ms, now and then
-// something urgent, and pictures. Its peer is known; time is in steps of a millisecond.
+// One end that says what the road's ends say: something each 10 ms, something each 50 ms, now and
+// then something urgent, and pictures. Its peer is known; time is in steps of a millisecond.
 struct OneEnd {
   rt::Startup startup;
   drivers::LinkEndpoint end{startup.token(), rt::Box::kOperator};

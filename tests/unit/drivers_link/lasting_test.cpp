@@ -42,8 +42,8 @@ TEST(EndpointRenew, TellsWhoMustBeginAnew) {
   EXPECT_EQ(order, "abab");
 }
 
-// A key is asked for at once, whatever was under way; a frame that was given up does not count among
-// those that the other end can have seen.
+// A key is asked for at once, whatever was under way; a frame that was given up does not count
+// among those that the other end can have seen.
 TEST(FrameAskerRenew, AsksForAKeyAndHearsTheNextReport) {
   drivers::FrameAsker asker;
   rt::Time now = rt::time_from_ns(1'000'000'000);

@@ -1,5 +1,5 @@
-// TCP over an emulated network: what a scene names meets the bytes of both ends. Waits are for events
-// with a generous limit.
+// TCP over an emulated network: what a scene names meets the bytes of both ends. Waits are for
+// events with a generous limit.
 #include <gtest/gtest.h>
 
 #include "tests/unit/drivers_link/tcp_support.hpp"

@@ -103,7 +103,8 @@ TEST(TcpLink, StatesGoalsAndFramesCrossWithMeasuredOffset) {
       wait_for([&] { return b.ready() && b.op.got > 50 && b.robot.got > 10 && frames > 15; }));
   EXPECT_EQ(b.op.bad, 0);
   EXPECT_EQ(b.robot.bad, 0);
-  // Offset of 1000 s (and what 50 ppm of the host's uptime make of it), within the stated uncertainty.
+  // Offset of 1000 s (and what 50 ppm of the host's uptime make of it), within the stated
+  // uncertainty.
   const std::int64_t host = rt::monotonic_ns();
   const std::int64_t truth = (b.robot.clock.from_host(host) - b.op.clock.from_host(host)).count();
   EXPECT_GT(truth, 999 * kSecond);
@@ -146,8 +147,8 @@ TEST(TcpLink, ACutCableIsSilenceAndNothingElse) {
   EXPECT_FALSE(b.op.endpoint.bye_received());
 }
 
-// The kernel ends the connections of a process that dies, however it dies: the other side is told at
-// once, by the last call of its after_poll.
+// The kernel ends the connections of a process that dies, however it dies: the other side is told
+// at once, by the last call of its after_poll.
 TEST(TcpLink, TheEndOfTheOtherProcessIsKnownAtOnce) {
   End op(rt::Box::kOperator, {});
   auto listening = TcpLink::listen("127.0.0.1", 0);

@@ -1,4 +1,5 @@
-// What must last: a make_safe() that comes after a request, and one call into the SDK that fails for good.
+// What must last: a make_safe() that comes after a request, and one call into the SDK that fails
+// for good.
 #include <gtest/gtest.h>
 
 #include "drivers/haptic/force_gate.hpp"
@@ -29,7 +30,8 @@ TEST(ForceGate, TheLatestWordCounts) {
   EXPECT_TRUE(gate.safe());
 }
 
-// A thread that asks and then makes safe, beside an owner who answers: the last word is always "safe".
+// A thread that asks and then makes safe, beside an owner who answers: the last word is always
+// "safe".
 TEST(ForceGate, NoInstantBetweenLookAndAnswer) {
   for (int round = 0; round < 300; ++round) {
     ForceGate gate;

@@ -294,8 +294,9 @@ TEST(RoadPace, JitterIsNoQueue) {
   EXPECT_GT(full.wish(), 1);
 }
 
-// The smoothed round trip of the hand-shake holds a late acknowledgement (40 ms) and jitter, and stays
-// while nothing is under way; then the first pictures bring it down. There is no queue in any of it.
+// The smoothed round trip of the hand-shake holds a late acknowledgement (40 ms) and jitter, and
+// stays while nothing is under way; then the first pictures bring it down. There is no queue in any
+// of it.
 TEST(RoadPace, TheStartIsNoQueue) {
   constexpr std::uint64_t kSeed = 7105;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));

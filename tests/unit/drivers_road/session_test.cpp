@@ -334,8 +334,8 @@ TEST(RoadLink, ADamagedOrOlderListChangesNothingAndIsTold) {
   EXPECT_TRUE(refused());
 }
 
-// A lost packet holds up its connection for a round trip and more. What the operator's box says comes by
-// the other one meanwhile, once, and nothing old behind it.
+// A lost packet holds up its connection for a round trip and more. What the operator's box says
+// comes by the other one meanwhile, once, and nothing old behind it.
 TEST(RoadLink, WhatControlHoldsUpBulkBrings) {
   Lab lab;
   End robot(listening(lab, "rover", rt::Box::kRobot));

@@ -1,5 +1,5 @@
-// A libusb without a bus: the functions that the drivers call, on devices that a test describes; behind
-// a Falcon its twin. It keeps libusb's rules and notes who breaks them.
+// A libusb without a bus: the functions that the drivers call, on devices that a test describes;
+// behind a Falcon its twin. It keeps libusb's rules and notes who breaks them.
 #pragma once
 
 #include <cstdint>

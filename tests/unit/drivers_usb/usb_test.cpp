@@ -1,5 +1,5 @@
-// The code that calls libusb: what is plugged in, and the Falcon's asynchronous transfers, on a libusb
-// that keeps the rules. Real time on purpose: the event thread is the thing under test.
+// The code that calls libusb: what is plugged in, and the Falcon's asynchronous transfers, on a
+// libusb that keeps the rules. Real time on purpose: the event thread is the thing under test.
 #include <gtest/gtest.h>
 #include <libusb.h>
 

@@ -1,5 +1,5 @@
-// Shapes that move: closed forms of the motions, and a world at an instant against one built with everything standing
-// where it is then.
+// Shapes that move: closed forms of the motions, and a world at an instant against one built with
+// everything standing where it is then.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// What the four wheels disagree about: the part of `w` (rad/s) that no body twist explains. Not zero means a slipping or
-// stuck wheel.
+// What the four wheels disagree about: the part of `w` (rad/s) that no body twist explains. Not
+// zero means a slipping or stuck wheel.
 #pragma once
 
 #include "drivers/youbot/mecanum.hpp"

@@ -188,8 +188,9 @@ TEST(Plant, SlipSeparatesTruthFromWheels) {
   EXPECT_NEAR(plant.state().X_WB.x, 0.9, 1e-4);
 }
 
-// Straight at 0.5 m/s. In each interval the body goes as the wheels' travel on the floor says, worked out here wheel by
-// wheel; over many intervals the shares are even from 0 to the largest, and each wheel's are its own.
+// Straight at 0.5 m/s. In each interval the body goes as the wheels' travel on the floor says,
+// worked out here wheel by wheel; over many intervals the shares are even from 0 to the largest,
+// and each wheel's are its own.
 TEST(Plant, EachWheelSlipsByItselfAndIsDrawnAnew) {
   Rig rig;
   RobotPlantConfig c;
@@ -217,7 +218,8 @@ TEST(Plant, EachWheelSlipsByItselfAndIsDrawnAnew) {
     plant.advance(kStart + n * 500ms + 490ms);
     EXPECT_EQ(plant.state().v_B, v) << "the same for the whole interval";
   }
-  // Means of four even draws: 0.05 +- 0.1 / sqrt(12 * 4), and a turn of v / (4 k) times their signed sum.
+  // Means of four even draws: 0.05 +- 0.1 / sqrt(12 * 4), and a turn of v / (4 k) times their
+  // signed sum.
   EXPECT_NEAR(sum / kIntervals, 0.05, 4 * 0.0144 / std::sqrt(kIntervals));
   EXPECT_LT(least, 0.025);
   EXPECT_GT(most, 0.075);
@@ -241,7 +243,8 @@ TEST(Plant, AnotherSeedSlipsOtherwiseTheSameOneTheSame) {
   EXPECT_FALSE(same_bits(end(1), end(2)));
 }
 
-// Wheels of another radius: the body goes as wheels of that radius go, while the angles are those commanded.
+// Wheels of another radius: the body goes as wheels of that radius go, while the angles are those
+// commanded.
 TEST(Plant, RadiusErrorIsTheBodysAlone) {
   Rig rig;
   RobotPlantConfig c;

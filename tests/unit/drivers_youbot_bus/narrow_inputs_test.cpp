@@ -1,5 +1,5 @@
-// Boards of the first firmware: 16 bytes of inputs, whose flags end at bit 15. Their latched timeout
-// and I2t are asked for by mailbox, so they are seen, named and cleared as on later ones.
+// Boards of the first firmware: 16 bytes of inputs, whose flags end at bit 15. Their latched
+// timeout and I2t are asked for by mailbox, so they are seen, named and cleared as on later ones.
 #include <gtest/gtest.h>
 
 #include "drivers/youbot/virtual_youbot.hpp"

@@ -29,9 +29,9 @@ inline std::string output_of(const std::string& command) {
   return out;
 }
 
-// The same file by a reader of the test's own, from the words of ETG.1000.4, 5.2 to 5.4: what tshark
-// must count, and what it does not look at: lengths, bits that are reserved, the more-bit, commands,
-// counters of frames that no slave has had yet.
+// The same file by a reader of the test's own, from the words of ETG.1000.4, 5.2 to 5.4: what
+// tshark must count, and what it does not look at: lengths, bits that are reserved, the more-bit,
+// commands, counters of frames that no slave has had yet.
 struct Seen {
   std::uint64_t frames = 0, replies = 0;
   std::map<int, int> commands;    // by code, of every datagram

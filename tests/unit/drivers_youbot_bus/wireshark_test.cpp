@@ -1,7 +1,8 @@
-// The frames of a whole bring-up, cycles, TMCL, CoE, faults and a recovery, written as pcap. tshark's
-// EtherCAT dissector finds none malformed and reads the numbers that were sent, and a reader of the
-// test's own sees what tshark does not look at. Where tshark is not installed that reader is alone.
-// The mailbox dissector is off: raw TMCL has no mailbox head, and it takes it for one.
+// The frames of a whole bring-up, cycles, TMCL, CoE, faults and a recovery, written as pcap.
+// tshark's EtherCAT dissector finds none malformed and reads the numbers that were sent, and a
+// reader of the test's own sees what tshark does not look at. Where tshark is not installed that
+// reader is alone. The mailbox dissector is off: raw TMCL has no mailbox head, and it takes it for
+// one.
 #include <sched.h>
 #include <sys/wait.h>
 #include <unistd.h>

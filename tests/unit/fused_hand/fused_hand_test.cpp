@@ -1,4 +1,5 @@
-// A hand on a face of a fused map that starts to move, and how far a fused face lags behind one that moves slowly.
+// A hand on a face of a fused map that starts to move, and how far a fused face lags behind one
+// that moves slowly.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -124,8 +125,8 @@ TEST(FusedHand, AFaceThatStartsToMoveLetsTheHandGo) {
     expect_let_go(touch(s), 0.1);
 }
 
-// Along itself: its middle looks as before, only its rims tell, two images later. At 10 mm a frame the map follows instead,
-// and the face is there to be touched: no limit on when it is told.
+// Along itself: its middle looks as before, only its rims tell, two images later. At 10 mm a frame
+// the map follows instead, and the face is there to be touched: no limit on when it is told.
 TEST(FusedHand, AFaceThatSlidesAlongItselfLetsTheHandGoTwoImagesLater) {
   for (const double voxel : {0.02, 0.01})
     for (const double mm : {10.0, 50.0, -100.0}) {
@@ -135,7 +136,8 @@ TEST(FusedHand, AFaceThatSlidesAlongItselfLetsTheHandGoTwoImagesLater) {
     }
 }
 
-// What passes far before the face hides it and does not take it from the hand; close before it, it does.
+// What passes far before the face hides it and does not take it from the hand; close before it, it
+// does.
 TEST(FusedHand, SomebodyWhoPassesBeforeItDoesNot) {
   for (const double voxel : {0.02, 0.01}) {
     Setting s = setting(voxel, true, Vec3::Zero());
@@ -152,7 +154,8 @@ TEST(FusedHand, SomebodyWhoPassesBeforeItDoesNot) {
   }
 }
 
-// Where the newest window has the face, along the box's normal through its middle, m from where it began; NaN: nowhere.
+// Where the newest window has the face, along the box's normal through its middle, m from where it
+// began; NaN: nowhere.
 double face_at(const SurfacePatch& patch, const Vec3& about_W) {
   tasks::Field field;
   field.set(nullptr, &patch, 1);
@@ -214,7 +217,8 @@ TEST(FusedHand, ASlowFaceIsFollowedByACameraThatIsTracked) {
         if (!tests::whole() && n++ % 3 != 0) continue;  // each value of each of the three
         const Lag lag = lag_of(setting(voxel, carried, {side * mm_s / 30, 0, 0}));
         EXPECT_LE(lag.still_mm, 1.5);
-        // Missed below 30 mm/s, and bounded here: what creeps carries the camera by up to 3.8 mm before it is seen to.
+        // Missed below 30 mm/s, and bounded here: what creeps carries the camera by up to 3.8 mm
+        // before it is seen to.
         EXPECT_LE(lag.most_mm, mm_s < 30 ? 4.0 : 3 * mm_s / 30 + 1.5);
         EXPECT_LE(lag.last_mm, 3.5);
         EXPECT_EQ(lag.told, 0) << "it is followed, not let go";

@@ -1,5 +1,6 @@
-// A room as a Kinect v2 sees it, a box in it that moves, and the fusion task that looks at it: windows for a hand on the
-// box as the product makes them, from tracking and motion mask to smoothing.
+// A room as a Kinect v2 sees it, a box in it that moves, and the fusion task that looks at it:
+// windows for a hand on the box as the product makes them, from tracking and motion mask to
+// smoothing.
 #pragma once
 
 #include <array>

@@ -77,7 +77,8 @@ struct Drive {
   int claimed = 0;
 };
 
-// Camera, motion, noise and furniture by the seed; a leap in the midst (lost, then looked for), a bare frame.
+// Camera, motion, noise and furniture by the seed; a leap in the midst (lost, then looked for), a
+// bare frame.
 Drive random_drive(std::uint64_t seed, int workers, int frames, FusionConfig config) {
   rt::Random random(seed);
   AnalyticScene scene = tests::test_room();
@@ -143,8 +144,8 @@ TEST(FusionPool, ScalarReferenceGivesTheSameBytes) {
   EXPECT_EQ(shared.frames, alone.frames);
 }
 
-// Through a passage until its beginning is put away; a dark image, then it is there again: what a keyframe
-// shows has to come back from the far store before it can be found.
+// Through a passage until its beginning is put away; a dark image, then it is there again: what a
+// keyframe shows has to come back from the far store before it can be found.
 struct Passage {
   std::vector<std::uint64_t> frames;  // hash after each
   int put_away = 0, found_after = 0;  // chunks; frames

@@ -1,4 +1,5 @@
-// The closed loop of twin and task against b / (T/2 + t_d), and its passivity. `teletact bench boundary` sweeps more.
+// The closed loop of twin and task against b / (T/2 + t_d), and its passivity. `teletact bench
+// boundary` sweeps more.
 #include "tools/measure/haptic/boundary.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-// A hand on the recorded kitchen, for some seconds, from the corner of a box on; `teletact bench haptic --rgbd DIR` does it
-// for sixty over five places.
+// A hand on the recorded kitchen, for some seconds, from the corner of a box on; `teletact bench
+// haptic --rgbd DIR` does it for sixty over five places.
 #include "tools/measure/haptic/recording_touch.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-// The haptic task on the real Omega driver on the twin library: what the hand feels when the plug is
-// pulled while it presses, when it comes back, and when the button on the base is pressed.
+// The haptic task on the real Omega driver on the twin library: what the hand feels when the plug
+// is pulled while it presses, when it comes back, and when the button on the base is pressed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -79,7 +79,8 @@ struct TouchRig {
     ASSERT_NEAR(rig.twin.motor().z(), 3.0, 0.2);
     ASSERT_TRUE(out.telemetry.in_contact);
   }
-  // Force on: from nothing, and never faster than a still hand allows plus what its motion explains.
+  // Force on: from nothing, and never faster than a still hand allows plus what its motion
+  // explains.
   void comes_back_softly(int n) {
     double before = 0, most = 0;
     Vec3 h = in.stylus.p_DH;

@@ -1,4 +1,5 @@
-// The body's pixels against a march along each ray, closed forms, and bodies that are not quite where they were said.
+// The body's pixels against a march along each ray, closed forms, and bodies that are not quite
+// where they were said.
 #include "perception/body/body_mask.hpp"
 
 #include <gtest/gtest.h>
@@ -55,7 +56,8 @@ double distance(const Capsule& c, const Vec3& p) {
   return (p - (c.a + s * way)).norm() - c.radius;
 }
 
-// Depth at which the ray enters the capsule: steps as long as the distance allows. `closest`: how near it came.
+// Depth at which the ray enters the capsule: steps as long as the distance allows. `closest`: how
+// near it came.
 double march(const Capsule& c, const Vec3& ray, double& closest) {
   const double length = ray.norm();
   closest = 1e9;
@@ -106,7 +108,8 @@ TEST(BodyMask, EqualsAMarchAlongEveryRay) {
         ASSERT_EQ(p.depth_mm.at(u, v), got ? 0 : mm);
         ++checked;
         body += got;
-        // Not decided: the ray all but touches an outline, or the reading all but lies on the front.
+        // Not decided: the ray all but touches an outline, or the reading all but lies on the
+        // front.
         if (closest < 1e-5 || (front >= 0 && std::abs(mm * 1e-3 - front) < 1e-5)) continue;
         bool grazes = false;
         for (const Capsule& c : capsules) {

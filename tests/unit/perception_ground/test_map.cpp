@@ -217,7 +217,8 @@ TEST(GroundMap, NothingSeenIsAllUnknown) {
   EXPECT_FALSE(rig.map->set_virtual(many));
 }
 
-// A box that the robot can not see behind: cleared, its cells are unknown, and free only when their floor is seen.
+// A box that the robot can not see behind: cleared, its cells are unknown, and free only when their
+// floor is seen.
 TEST(GroundMap, AForgottenBoxIsUnknownUntilItsFloorIsSeen) {
   Rig rig;
   rt::Random random(11);
@@ -234,7 +235,8 @@ TEST(GroundMap, AForgottenBoxIsUnknownUntilItsFloorIsSeen) {
                       static_cast<std::uint8_t>(CostMap::kOccupied));
   };
   const auto before = occupied();
-  // A box in the air, one under the floor, one elsewhere and one that is none: nothing is forgotten.
+  // A box in the air, one under the floor, one elsewhere and one that is none: nothing is
+  // forgotten.
   using Box = Eigen::AlignedBox3d;
   rig.map->forget(Box(Vec3(1.5, 0, 1.5), Vec3(2.1, 0.6, 2)));
   rig.map->forget(Box(Vec3(1.5, 0, -2), Vec3(2.1, 0.6, -1)));
@@ -309,8 +311,8 @@ TEST(GroundMap, WithoutAReadingNothingIsSeenThrough) {
   EXPECT_EQ(Mast::occupied(rig, mast.grown()), before);
 }
 
-// What stood there has gone on behind its place, and is no part of what stands: its readings show the place free all the
-// same. Without them it is as if there were none.
+// What stood there has gone on behind its place, and is no part of what stands: its readings show
+// the place free all the same. Without them it is as if there were none.
 TEST(GroundMap, WhatMovesOnBehindAPlaceShowsItFree) {
   for (const bool all : {true, false}) {
     rt::Random random(16);
@@ -346,8 +348,9 @@ TEST(GroundMap, WhatMovesOnBehindAPlaceShowsItFree) {
   }
 }
 
-// The oracle: from the camera straight to points of the mast's column, past a thing that hides some of it for good. A cell is
-// free when all that was seen of the mast in it lies open, and stays when some of it is hidden.
+// The oracle: from the camera straight to points of the mast's column, past a thing that hides some
+// of it for good. A cell is free when all that was seen of the mast in it lies open, and stays when
+// some of it is hidden.
 TEST(GroundMap, WhatIsHiddenStays) {
   rt::Random random(15);
   Rig rig;

@@ -1,4 +1,5 @@
-// What moves, on the ground's grid: a box whose pixels the test itself says to move, against where it truly is.
+// What moves, on the ground's grid: a box whose pixels the test itself says to move, against where
+// it truly is.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -183,7 +184,8 @@ TEST(MovingCells, IsGoneWhenItsPlaceIsSeenFree) {
   EXPECT_EQ(rig.at(1.42, 0.1), CostMap::kFree) << "what was seen free before is free again";
 }
 
-// The camera turns away: nothing says that the thing has gone, until nothing has said for long that it is there.
+// The camera turns away: nothing says that the thing has gone, until nothing has said for long that
+// it is there.
 TEST(MovingCells, OutOfViewItStaysForTheStatedTime) {
   GroundConfig config;
   config.moving.hold_s = 1.5;
@@ -228,7 +230,8 @@ TEST(MovingCells, WhatIsHiddenStays) {
   EXPECT_EQ(rig.at(0.97, 0.0), CostMap::kOccupied);
 }
 
-// It stands and is not masked any more: what stands takes over, with no image in between without an obstacle.
+// It stands and is not masked any more: what stands takes over, with no image in between without an
+// obstacle.
 TEST(MovingCells, WhatComesToRestIsAnObstacleAllTheWay) {
   Rig rig;
   rig.look_about();
@@ -311,7 +314,8 @@ TEST(MovingCells, SwitchedOffItIsNoObstacle) {
   EXPECT_EQ(rig.occupied(), 0);
 }
 
-// More than there is room for: what is nearest is kept, the rest is counted and nothing else is touched.
+// More than there is room for: what is nearest is kept, the rest is counted and nothing else is
+// touched.
 TEST(MovingCells, ACrowdFillsTheRoomThereIsFromTheNearestOn) {
   GroundConfig config;
   config.resolution_m = 0.02;

@@ -1,4 +1,5 @@
-// What speaks against a pose: against plain loops on random images, and a box that one side does not have.
+// What speaks against a pose: against plain loops on random images, and a box that one side does
+// not have.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -135,7 +136,8 @@ TEST(Clash, LargeAndEmptyImages) {
   EXPECT_LE(through.against, ClashRule::kMostWidth * ClashRule::kMostHeight);
 }
 
-// Seen from up to 20 cm off where the map was cast: what is only hidden says nothing, a box too many does.
+// Seen from up to 20 cm off where the map was cast: what is only hidden says nothing, a box too
+// many does.
 TEST(Clash, ABoxThatOneSideDoesNotHaveAndNothingElse) {
   double most_same = 0, least_other = 1;
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {

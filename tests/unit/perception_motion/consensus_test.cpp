@@ -1,5 +1,5 @@
-// The majority of an image against closed-form scenes: the camera's motion is that of what stands still, whatever the
-// nearest thing does.
+// The majority of an image against closed-form scenes: the camera's motion is that of what stands
+// still, whatever the nearest thing does.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -82,7 +82,8 @@ TEST(CellSums, AddUpToTheSumsOfTheImageAndForetellEveryPosesResidual) {
   EXPECT_NEAR(h00, whole.H(0, 0), 1e-4 * whole.H(0, 0));
 }
 
-// Sizes and ways of a thing at arm's length, up to a third of the image. Weighed by noise it would carry the camera.
+// Sizes and ways of a thing at arm's length, up to a third of the image. Weighed by noise it would
+// carry the camera.
 TEST(Consensus, TheMajorityIsFollowedAndNotTheNearestThing) {
   double worst = 0;
   for (const double edge_m : {0.15, 0.30, 0.42}) {
@@ -117,7 +118,8 @@ TEST(Consensus, TheMajorityIsFollowedAndNotTheNearestThing) {
   std::cout << "worst " << worst << " mm\n";
 }
 
-// A thing that comes a little nearer: below the noise model's own limit, and above what half of the cells keep.
+// A thing that comes a little nearer: below the noise model's own limit, and above what half of the
+// cells keep.
 TEST(Consensus, ASlowThingMisfitsBeforeItPulls) {
   for (const double way_m : {0.006, 0.010}) {
     for (std::uint64_t seed = 1; seed <= 3; ++seed) {

@@ -1,5 +1,5 @@
-// The vector versions of the watch's hot loops against plain ones: bit for bit where the order of sums is the same, and
-// within what the digits allow where the reference sums in fp64.
+// The vector versions of the watch's hot loops against plain ones: bit for bit where the order of
+// sums is the same, and within what the digits allow where the reference sums in fp64.
 #include <gtest/gtest.h>
 
 #include <bit>

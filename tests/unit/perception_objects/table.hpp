@@ -50,8 +50,8 @@ inline double depth_of(const std::vector<Solid>& solids, const Vec3& eye, const 
   return t;
 }
 
-// Depth noise at 1 m, growing with z^2; how far the ray of a reading is off (standard deviations); share
-// of pixels without one.
+// Depth noise at 1 m, growing with z^2; how far the ray of a reading is off (standard deviations);
+// share of pixels without one.
 struct Noise {
   double depth_mm = 2, lateral_px = 0.5, holes = 0.02;
 };
@@ -140,7 +140,8 @@ struct Rig {
     render(solids, X_WC, noise, random, image);
     map.integrate(image.view(), X_WC, 1);
   }
-  // A point on the surface of solid `what` that the image shows, near the middle of what it shows of it.
+  // A point on the surface of solid `what` that the image shows, near the middle of what it shows
+  // of it.
   [[nodiscard]] Vec3 surface_point(int what) const {
     double su = 0, sv = 0, m = 0;
     for (int v = 0; v < kH; ++v)

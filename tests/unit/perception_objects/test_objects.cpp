@@ -48,8 +48,9 @@ void spoil(ImageView<std::uint8_t> image, ImageView<const std::uint8_t> truth, s
     }
 }
 
-// The map's labels at the true surface of the view against the masks of single frames. In a ray cast, which
-// ends up to a voxel before an edge that was seen from one side only, the figure is lower and printed.
+// The map's labels at the true surface of the view against the masks of single frames. In a ray
+// cast, which ends up to a voxel before an edge that was seen from one side only, the figure is
+// lower and printed.
 TEST(Objects, FusedIsBetterThanAFrameAfterThirty) {
   double fused_sum = 0, single_sum = 0;
   for (const std::uint64_t seed : {5U, 6U}) {
@@ -77,10 +78,11 @@ TEST(Objects, FusedIsBetterThanAFrameAfterThirty) {
   EXPECT_GT(fused_sum, single_sum);
 }
 
-// Two percent from frame 30 on, but for three seeds of these eight: three or four of their first six masks are wrong, and
-// what those name beside the object's foot stays (docs/segmentation.md, "Not before frame 30, and not always"). A further
-// miss fails, and so does one that is mended: then it is to be taken off this list. Of the frames before, there is no aim:
-// .03 (.13 of the three) is what they keep to, and more would be worse than it was.
+// Two percent from frame 30 on, but for three seeds of these eight: three or four of their first
+// six masks are wrong, and what those name beside the object's foot stays (docs/segmentation.md,
+// "Not before frame 30, and not always"). A further miss fails, and so does one that is mended:
+// then it is to be taken off this list. Of the frames before, there is no aim: .03 (.13 of the
+// three) is what they keep to, and more would be worse than it was.
 TEST(Objects, OneWrongFrameInFiveChangesTwoPercentAtMost) {
   const std::set<std::uint64_t> kMissed{14, 15, 16};
   for (const std::uint64_t seed :

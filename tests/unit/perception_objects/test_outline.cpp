@@ -1,5 +1,6 @@
-// Things of everyday size on a table, seen by a Kinect v2 that is carried past: what the map's labels show in
-// a ray cast against the masks of single frames and against the truth, and what following them costs.
+// Things of everyday size on a table, seen by a Kinect v2 that is carried past: what the map's
+// labels show in a ray cast against the masks of single frames and against the truth, and what
+// following them costs.
 #include <gtest/gtest.h>
 #include <ctime>
 
@@ -163,8 +164,8 @@ struct Follower {
         map(startup.token(), map_config()),
         objects(startup.token(), s.k.width, s.k.height, on()) {}
 
-  // Frame n, with a touch on the shape (-1: none), whose id is returned. between() sees the label image before
-  // it votes; ms: thread CPU of objects.
+  // Frame n, with a touch on the shape (-1: none), whose id is returned. between() sees the label
+  // image before it votes; ms: thread CPU of objects.
   template <class Between>
   std::uint8_t step(int n, int touched_shape, double& ms, Between&& between) {
     const Pose X_WC = carried(n);
@@ -185,8 +186,8 @@ struct Follower {
   }
 };
 
-// Masks of single frames and fused labels of the same views, over the same pixels: means of the last kJudged
-// frames.
+// Masks of single frames and fused labels of the same views, over the same pixels: means of the
+// last kJudged frames.
 struct Figures {
   double single = 0, fused = 0;
 };
@@ -198,8 +199,8 @@ struct Followed {
   double touch_ms = 0, frame_ms = 0;  // thread CPU of objects: the answer; median of the others
 };
 
-// What the map says of the surface that a cast without labels has found, 0 where it shows none; `same`: where
-// that is the surface which is there.
+// What the map says of the surface that a cast without labels has found, 0 where it shows none;
+// `same`: where that is the surface which is there.
 void read_surface(const TsdfMap& map, const RaycastMaps& maps, const Image<float>& z_m,
                   Image<std::uint8_t>& labels, Image<std::uint8_t>& same) {
   MapReader reader(map);
@@ -258,9 +259,10 @@ Followed follow(const Sequence& s, int shape) {
   return out;
 }
 
-// Where a surface ends is known to the grid, a frame's mask to its pixels. So the ray cast is printed over every
-// pixel and compared where both show the same surface: there the map's labels are better than the mask of any one
-// frame. Over every pixel that is the image which map and masks give together.
+// Where a surface ends is known to the grid, a frame's mask to its pixels. So the ray cast is
+// printed over every pixel and compared where both show the same surface: there the map's labels
+// are better than the mask of any one frame. Over every pixel that is the image which map and masks
+// give together.
 TEST(Objects, InTheRayCastAsAKinectSeesThem) {
   for (const std::uint64_t seed : whole_or<std::uint64_t>({1, 2}, {0})) {
     const Sequence s(seed);
@@ -280,8 +282,8 @@ TEST(Objects, InTheRayCastAsAKinectSeesThem) {
   }
 }
 
-// Looked at coarsely, it costs no more than the 3.3 ms that an object may where the can at full resolution takes 2; the
-// touch no more than its 12 ms.
+// Looked at coarsely, it costs no more than the 3.3 ms that an object may where the can at full
+// resolution takes 2; the touch no more than its 12 ms.
 TEST(Objects, OneThatFillsTheImageCostsNoMore) {
   const Sequence small(5), large(5, chest());
   const Followed can = follow(small, small.world.find("can"));
@@ -312,7 +314,8 @@ double settled_ms(const Sequence& s, const std::vector<int>& shapes) {
   return sum;
 }
 
-// 0.5 of 3.3 ms is what a further one may cost of the first: a ratio, so that it holds on any machine.
+// 0.5 of 3.3 ms is what a further one may cost of the first: a ratio, so that it holds on any
+// machine.
 TEST(Objects, AFurtherOneCostsAFractionOfTheFirst) {
   const Sequence s(4);
   const int crate = s.world.find("crate"), can = s.world.find("can"), ball = s.world.find("ball");

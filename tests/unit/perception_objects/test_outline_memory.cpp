@@ -1,4 +1,5 @@
-// Outlines over frames, alone: a disc whose masks are wrong by a pixel here and there, from a camera that moves.
+// Outlines over frames, alone: a disc whose masks are wrong by a pixel here and there, from a
+// camera that moves.
 #include <gtest/gtest.h>
 
 #include <iostream>

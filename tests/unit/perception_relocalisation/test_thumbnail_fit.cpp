@@ -1,4 +1,5 @@
-// Small views aligned to each other: the way between two cameras comes out, and what the other has seen through.
+// Small views aligned to each other: the way between two cameras comes out, and what the other has
+// seen through.
 #include <gtest/gtest.h>
 
 #include <algorithm>

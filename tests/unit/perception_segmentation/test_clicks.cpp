@@ -1,5 +1,5 @@
-// Several clicks for one object: what must hold for any clicks, and what clicks mend, on rendered tables whose truth
-// is known. The scenes and IoU here share no code with the segmenter.
+// Several clicks for one object: what must hold for any clicks, and what clicks mend, on rendered
+// tables whose truth is known. The scenes and IoU here share no code with the segmenter.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,8 +24,8 @@ struct Scene {
   Image<std::uint8_t> truth{kW, kH};
 };
 
-// A wall 1 m away and two boards 0.15 m before it that touch at column 120; of one colour if `alike`, so that
-// nothing parts them. A third board stands alone.
+// A wall 1 m away and two boards 0.15 m before it that touch at column 120; of one colour if
+// `alike`, so that nothing parts them. A third board stands alone.
 Scene boards(bool alike, rt::Random& random) {
   Scene s;
   for (int v = 0; v < kH; ++v)
@@ -99,8 +99,8 @@ TEST(Clicks, OneClickIsTheTouch) {
   }
 }
 
-// Whatever is clicked: each click's pixel is on its side; neither the order of all but the first, nor repetitions,
-// nor what was asked before changes a bit.
+// Whatever is clicked: each click's pixel is on its side; neither the order of all but the first,
+// nor repetitions, nor what was asked before changes a bit.
 TEST(Clicks, EveryClickOnItsSideInAnyOrder) {
   const std::uint64_t seed = 52;
   std::printf("  seed %llu\n", static_cast<unsigned long long>(seed));
@@ -191,8 +191,8 @@ TEST(Clicks, AddJoinsWhatLooksLikeTwo) {
   EXPECT_GT(iou(s, scene, 1), 0.93);
 }
 
-// A thing 11 mm high on a support of two colours: a colour that much of the support has is no thing of its own, or the
-// thing would be joined with all checks of it.
+// A thing 11 mm high on a support of two colours: a colour that much of the support has is no thing
+// of its own, or the thing would be joined with all checks of it.
 TEST(Clicks, OnASupportOfTwoColours) {
   rt::Random random(57);
   Scene scene = boards(false, random);

@@ -1,5 +1,5 @@
-// The vector kernels against one pixel after the other, bit for bit, on every instruction set; the reduced
-// frame against its definition.
+// The vector kernels against one pixel after the other, bit for bit, on every instruction set; the
+// reduced frame against its definition.
 #include <gtest/gtest.h>
 
 #include <algorithm>

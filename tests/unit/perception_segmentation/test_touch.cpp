@@ -22,7 +22,8 @@ struct Solid {
   Rgb colour;
 };
 
-// An upright thin wall round (x, y), open above; what is seen of it through the opening is `inside`.
+// An upright thin wall round (x, y), open above; what is seen of it through the opening is
+// `inside`.
 struct Cup {
   double x, y, radius, height;
   Rgb outside, inside;
@@ -181,7 +182,8 @@ TEST(Touch, TheInsideOfACupBelongsToIt) {
   }
 }
 
-// As high or higher, narrower or wider, near or far: what stands behind something else is no inside of it.
+// As high or higher, narrower or wider, near or far: what stands behind something else is no inside
+// of it.
 TEST(Touch, WhatStandsBehindIsNoInside) {
   const std::uint64_t seed = 43;
   RecordProperty("seed", std::to_string(seed));
@@ -214,8 +216,8 @@ TEST(Touch, WhatStandsBehindIsNoInside) {
   }
 }
 
-// Left of every object a strip of the table, and of what stands there, that a colour camera to the right does not
-// see, and every hundredth pixel. Only what has colour is compared by it.
+// Left of every object a strip of the table, and of what stands there, that a colour camera to the
+// right does not see, and every hundredth pixel. Only what has colour is compared by it.
 TEST(Touch, HiddenFromTheColourCamera) {
   const std::uint64_t seed = 37;
   RecordProperty("seed", std::to_string(seed));

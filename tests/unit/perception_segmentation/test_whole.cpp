@@ -159,7 +159,8 @@ TEST(WholeImage, SmallAndEvenImages) {
   }
 }
 
-// Few things in sight are few regions: plain ground, two halves, a disc on plain ground; even and with noise.
+// Few things in sight are few regions: plain ground, two halves, a disc on plain ground; even and
+// with noise.
 TEST(WholeImage, FewThingsAreFewRegions) {
   constexpr int kWidth = 320, kHeight = 240;
   const auto inside = [](int what, int x, int y) {

@@ -1,5 +1,5 @@
-// A dense integrator that visits every node for every frame, one node at a time: what the sparse one
-// must agree with, word for word, wherever it keeps a block.
+// A dense integrator that visits every node for every frame, one node at a time: what the sparse
+// one must agree with, word for word, wherever it keeps a block.
 #pragma once
 
 #include <array>
@@ -39,8 +39,8 @@ struct DenseReference {
                  static_cast<std::size_t>(k - lo)];
   }
 
-  // pixels: DepthPyramid's, tested apart. stored(i,j,k): the map keeps a block there. colour: empty for none; it is
-  // fused within `band_m`.
+  // pixels: DepthPyramid's, tested apart. stored(i,j,k): the map keeps a block there. colour: empty
+  // for none; it is fused within `band_m`.
   template <class Stored>
   void integrate(const Intrinsics& c, const std::uint32_t* pixels, const Pose& X_WC,
                  Stored&& stored, ImageView<const Rgb> colour = {}, double band_m = 0) {

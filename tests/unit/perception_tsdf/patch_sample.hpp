@@ -1,6 +1,7 @@
-// Reading a SurfacePatch between its nodes: trilinear value, gradient, and which corners are observed.
-// Nothing is extrapolated: outside the window there is no cell, and what to do with a cell that has an
-// unobserved corner is the caller's choice (its mask says which). Header only; no state, no allocation.
+// Reading a SurfacePatch between its nodes: trilinear value, gradient, and which corners are
+// observed. Nothing is extrapolated: outside the window there is no cell, and what to do with a
+// cell that has an unobserved corner is the caller's choice (its mask says which). Header only; no
+// state, no allocation.
 #pragma once
 
 #include <cmath>
@@ -49,8 +50,8 @@ struct PatchCell {
   }
 };
 
-// p_W lies between the first and the last node of the window, both included. False for NaN and for a
-// patch that was never filled.
+// p_W lies between the first and the last node of the window, both included. False for NaN and for
+// a patch that was never filled.
 [[nodiscard]] inline bool inside_window(const SurfacePatch& patch, const Vec3& p_W) noexcept {
   if (patch.nodes < 2) return false;
   for (int a = 0; a < 3; ++a) {
@@ -86,8 +87,8 @@ struct PatchCell {
   return cell;
 }
 
-// Central difference of the trilinear value over `step` metres to either side. False, and `out` as it
-// was, when one of the six points has no complete cell.
+// Central difference of the trilinear value over `step` metres to either side. False, and `out` as
+// it was, when one of the six points has no complete cell.
 [[nodiscard]] inline bool patch_gradient(const SurfacePatch& patch, const Vec3& p_W, double step,
                                          Vec3& out) noexcept {
   Vec3 g;

@@ -100,7 +100,8 @@ struct Frame {
   }
 };
 
-// Depth rounded to mm; noise: standard deviation at 1 m, growing with z^2; holes: share of no reading.
+// Depth rounded to mm; noise: standard deviation at 1 m, growing with z^2; holes: share of no
+// reading.
 inline Frame render(const Scene& scene, const Intrinsics& k, const Pose& X_WC, double noise_m = 0,
                     double holes = 0, rt::Random random = rt::Random(1)) {
   Frame f{k, Image<std::uint16_t>(k.width, k.height), Image<Rgb>(k.width, k.height)};

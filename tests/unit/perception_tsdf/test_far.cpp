@@ -1,4 +1,5 @@
-// What is put away far from the camera: bytes, pages, and a map that is the same as one that never did it.
+// What is put away far from the camera: bytes, pages, and a map that is the same as one that never
+// did it.
 #include <gtest/gtest.h>
 
 #include <map>

@@ -1,4 +1,5 @@
-// A map that follows what moves slowly, keeps the noise of what stands, and does not run after the camera's errors.
+// A map that follows what moves slowly, keeps the noise of what stands, and does not run after the
+// camera's errors.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -170,7 +171,8 @@ TEST(Follow, WhatStandsKeepsItsNoise) {
     }
 }
 
-// What the camera's pose is off by is off in the whole image: nothing of it is taken for a motion of things.
+// What the camera's pose is off by is off in the whole image: nothing of it is taken for a motion
+// of things.
 TEST(Follow, ACameraThatDriftsIsNotRunAfter) {
   for (const double voxel : {0.01, 0.02})
     for (const Vec3& way : {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(-0.6, 0, 0.8)}) {
@@ -239,7 +241,8 @@ Scene one_box(const Vec3& lo, const Vec3& hi) {
   return s;
 }
 
-// Changes of sign in the box's place and 60 mm round it, those within 6 mm of a true surface and the others.
+// Changes of sign in the box's place and 60 mm round it, those within 6 mm of a true surface and
+// the others.
 struct Crossings {
   int true_ones = 0, others = 0;
 };

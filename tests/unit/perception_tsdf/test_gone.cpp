@@ -1,5 +1,5 @@
-// What stood in the map and is seen through is forgotten within ten frames, however long it stood; where there is no reading
-// nothing is learned.
+// What stood in the map and is seen through is forgotten within ten frames, however long it stood;
+// where there is no reading nothing is learned.
 #include <gtest/gtest.h>
 
 #include "perception/simd/isa.hpp"
@@ -76,7 +76,8 @@ TEST(Gone, TenFramesAfterItIsSeenFree) {
   }
 }
 
-// The rule for a background without readings: a place is free when a reading lies behind it, and not before.
+// The rule for a background without readings: a place is free when a reading lies behind it, and
+// not before.
 TEST(Gone, WithoutAReadingNothingIsLearned) {
   Rig rig(0.02);
   Scene with = floor_and_wall(), nothing;
@@ -99,8 +100,8 @@ TEST(Gone, WithoutAReadingNothingIsLearned) {
   EXPECT_EQ(rig.ghosts(floor_and_wall()), 0);
 }
 
-// Word for word, where what stood for longer than is remembered goes, before a wall and before a grazing floor; with every
-// instruction set.
+// Word for word, where what stood for longer than is remembered goes, before a wall and before a
+// grazing floor; with every instruction set.
 void same_words_as_dense() {
   Rig rig(0.02, false);
   DepthPyramid pixels(rig.startup.token());

@@ -279,8 +279,8 @@ TEST(Integrate, ColourIsTheSurfaces) {
   EXPECT_FALSE(reader.colour(Vec3(-0.5, 0, 0), c));
 }
 
-// A chunk carved in one frame may wait for the next: seen twice, everything that either view alone shows to
-// be free is free.
+// A chunk carved in one frame may wait for the next: seen twice, everything that either view alone
+// shows to be free is free.
 TEST(Integrate, FreeSpaceThatWaitsForTheNextFrameIsNotLost) {
   rt::Startup startup;
   const TsdfConfig config = small_map(0.02);

@@ -1,5 +1,5 @@
-// The votes of whole label images against a slow reference: random scenes, poses and images, some of them
-// nonsense, by every instruction set.
+// The votes of whole label images against a slow reference: random scenes, poses and images, some
+// of them nonsense, by every instruction set.
 #include <gtest/gtest.h>
 
 #include "perception/simd/isa.hpp"

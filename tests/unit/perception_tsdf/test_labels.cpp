@@ -1,5 +1,5 @@
-// Labels in the map: the same bytes from every instruction set, where room for them is taken and given
-// back, labels in ray cast maps.
+// Labels in the map: the same bytes from every instruction set, where room for them is taken and
+// given back, labels in ray cast maps.
 #include <gtest/gtest.h>
 
 #include "perception/raycast/raycast.hpp"
@@ -14,7 +14,8 @@ namespace {
 
 const Intrinsics kWide{150, 148, 91.3, 66.1, 187, 131};  // no multiple of any vector
 
-// 1 on the sphere of table_top(), 2 on its box, 0 elsewhere; every tenth pixel at random, some mute.
+// 1 on the sphere of table_top(), 2 on its box, 0 elsewhere; every tenth pixel at random, some
+// mute.
 Image<std::uint8_t> labels_of(const Scene& scene, const Intrinsics& k, const Pose& X_WC,
                               rt::Random& random, double wrong = 0.1) {
   Image<std::uint8_t> out(k.width, k.height);

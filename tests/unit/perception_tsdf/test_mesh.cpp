@@ -206,7 +206,8 @@ TEST(Mesh, FusedRoomLiesOnTheWallsWithoutShadowSurfaces) {
   EXPECT_LT(quantile(mm, 0.95), 12.0);
 }
 
-// Things before a wall, seen from all over: where their shadows meet what was seen past them there is no surface.
+// Things before a wall, seen from all over: where their shadows meet what was seen past them there
+// is no surface.
 TEST(Mesh, NothingIsMadeWhereNoReadingEnded) {
   rt::Startup startup;
   TsdfMap coloured(startup.token(), small_map(0.01)), plain(startup.token(), small_map(0.01));

@@ -1,5 +1,5 @@
-// Deltas of the mesh against the mesh of the whole map, over runs in which the map is fused, cleared, put away
-// and forgotten.
+// Deltas of the mesh against the mesh of the whole map, over runs in which the map is fused,
+// cleared, put away and forgotten.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +19,8 @@ namespace {
 
 using Corners = std::array<float, 9>;
 
-// Each triangle by the bits of its corners, begun at the least one: the order and the numbering do not count.
+// Each triangle by the bits of its corners, begun at the least one: the order and the numbering do
+// not count.
 std::vector<Corners> triangles_of(const Mesh& mesh) {
   std::vector<Corners> out;
   for (const auto& t : mesh.triangles) {
@@ -108,7 +109,8 @@ TEST(MeshDeltas, OfAMovingCameraComposeToTheMesh) {
   Scenery s(small_map());
   const Scene place = room();
   for (int n = 0; n < 40; ++n) {
-    // Colour comes later, as from a camera that was late: what is a surface changes by it everywhere.
+    // Colour comes later, as from a camera that was late: what is a surface changes by it
+    // everywhere.
     s.map.integrate(render(place, small_camera(), wander(n), 0.002).view(n >= 6), wander(n), 1);
     s.send(64);
     if (n == 5 || n == 7 || n == 20) {
@@ -171,8 +173,8 @@ TEST(MeshDeltas, DecayAndPagingTakeBlocksAwayAndBringThemBack) {
   EXPECT_EQ(s.store.triangles(), 0U);
 }
 
-// Every block in view changes with every image, and the budget is a fraction of them: still each is sent
-// again within a round.
+// Every block in view changes with every image, and the budget is a fraction of them: still each is
+// sent again within a round.
 TEST(MeshDeltas, NoBlockStarves) {
   Scenery s(small_map());
   const Scene place = table_top();

@@ -1,4 +1,5 @@
-// Vertices onto the surface of their neighbourhood: against a slow reference, and on shapes that are known.
+// Vertices onto the surface of their neighbourhood: against a slow reference, and on shapes that
+// are known.
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>

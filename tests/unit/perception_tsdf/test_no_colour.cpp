@@ -1,4 +1,5 @@
-// Pixels without colour: what is counted of them, that they darken nothing, and what shows where no colour ever came.
+// Pixels without colour: what is counted of them, that they darken nothing, and what shows where no
+// colour ever came.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -153,8 +154,8 @@ Frame wall_without(const Scene& scene, const Pose& X, int first, int end, bool l
   return f;
 }
 
-// A strip that the colour camera does not see in two frames of three, and elsewhere in each: all of it has the wall's
-// colour in the end. Taken for black, it is dark.
+// A strip that the colour camera does not see in two frames of three, and elsewhere in each: all of
+// it has the wall's colour in the end. Taken for black, it is dark.
 TEST(NoColour, AHiddenStripKeepsTheColourOfTheWall) {
   rt::Startup startup;
   const Scene scene = table_top();

@@ -1,5 +1,6 @@
-// The field round the hand, smoothed: exact where it says what it is for, better than it was under noise, left alone where
-// there is shape. Fields are made node by node, as a projective distance of a camera has them.
+// The field round the hand, smoothed: exact where it says what it is for, better than it was under
+// noise, left alone where there is shape. Fields are made node by node, as a projective distance of
+// a camera has them.
 #include <gtest/gtest.h>
 
 #include <Eigen/QR>

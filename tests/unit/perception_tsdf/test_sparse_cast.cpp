@@ -112,8 +112,9 @@ TEST(SparseCast, SeesInPatchesWhatTheFullCastSees) {
   }
 }
 
-// A pole that is less than two rays wide may be missed; a box of four is not. At its rim the band is less than a voxel
-// wide: whether a ray meets it hangs on where its steps fall, and they begin elsewhere.
+// A pole that is less than two rays wide may be missed; a box of four is not. At its rim the band
+// is less than a voxel wide: whether a ray meets it hangs on where its steps fall, and they begin
+// elsewhere.
 TEST(SparseCast, SeesASmallBoxWhereverItStands) {
   rt::Startup startup;
   RaycastMaps full(startup.token(), 86, 71), sparse(startup.token(), 86, 71);

@@ -37,7 +37,8 @@ TEST(Volume, HoldsWhatTheUnboundedMapHoldsThereAndNothingElse) {
   constexpr double kEdge_m = 1.6;  // 10 blocks
   Pair maps(startup.token(), kEdge_m);
   const Vec3 centre_W = maps.first_WC * Vec3(0, 0, kEdge_m / 2);
-  // The closed form: whole blocks, the cube's first corner within half a block of where it should be.
+  // The closed form: whole blocks, the cube's first corner within half a block of where it should
+  // be.
   int lo[3], hi[3];
   for (int a = 0; a < 3; ++a) {
     lo[a] = 8 * static_cast<int>(std::floor((centre_W(a) - kEdge_m / 2) / (8 * kVoxel_m) + 0.5));

@@ -1,5 +1,6 @@
-// A codec that needs its previous frame never loses an encoded one: on a fast and on a slow road, under a stall, a cut,
-// damage, demands that are lost, and a job that is abandoned. The oracle is the camera's own image of the frame's number.
+// A codec that needs its previous frame never loses an encoded one: on a fast and on a slow road,
+// under a stall, a cut, damage, demands that are lost, and a job that is abandoned. The oracle is
+// the camera's own image of the frame's number.
 #include "tests/unit/picture_link/road.hpp"
 
 #include <utility>
@@ -74,7 +75,8 @@ TEST(PictureLink, WhatASlowRoadDoesNotAskForIsNotEncoded) {
   EXPECT_GT(road.asker.stats().rung, 0);
   expect_none_lost(road);
   expect_right(road, drivers::DepthMode::kFaithful);
-  // The line is kept busy and nothing piles up: a frame is never older than two of them and the way.
+  // The line is kept busy and nothing piles up: a frame is never older than two of them and the
+  // way.
   std::int64_t longest = 0;
   for (std::size_t i = 1; i < road.seen.size(); ++i)
     longest = std::max(longest, road.seen[i].at_ms - road.seen[i - 1].at_ms);
@@ -226,8 +228,8 @@ TEST(PictureLink, AJobThatIsAbandonedAfterItEncodedIsFollowedByAKey) {
   expect_right(road, drivers::DepthMode::kFaithful);
 }
 
-// Images and demands as they were latched are all that capture's bytes hang on: a second capture that is fed with them puts
-// out the same, whatever happened on the road.
+// Images and demands as they were latched are all that capture's bytes hang on: a second capture
+// that is fed with them puts out the same, whatever happened on the road.
 TEST(PictureLink, TheSameImagesAndDemandsGiveTheSameBytes) {
   for (const char* colour : {"jpeg", "h264"}) {
     if (colour == std::string("h264") && !drivers::h264_built_in()) continue;

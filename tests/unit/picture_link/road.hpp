@@ -1,5 +1,6 @@
-// Both ends of the edges `frame` and `demand` with a road of this test's between them: camera, capture's node and link end
-// of the robot's box, link end and decoder of the operator's. One clock, steps of a millisecond.
+// Both ends of the edges `frame` and `demand` with a road of this test's between them: camera,
+// capture's node and link end of the robot's box, link end and decoder of the operator's. One
+// clock, steps of a millisecond.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-// A recorded run replays to the last bit whatever its timing was, in any order that its inputs allow;
-// and a recording that was changed in one bit does not.
+// A recorded run replays to the last bit whatever its timing was, in any order that its inputs
+// allow; and a recording that was changed in one bit does not.
 #include "tools/host/replay.hpp"
 
 #include <gtest/gtest.h>
@@ -125,8 +125,8 @@ TEST(Replay, EveryJobOfBothBoxesCommitsTheSame) {
   expect_equal(plain(), rt::Box::kRobot);
 }
 
-// What is encoded hangs on what the link asked for: both boxes come out the same from what was recorded of it, on a road
-// too slow for every frame, and with demands that are lost.
+// What is encoded hangs on what the link asked for: both boxes come out the same from what was
+// recorded of it, on a road too slow for every frame, and with demands that are lost.
 TEST(Replay, FramesCodedOnDemandAreReplayedToo) {
   const auto r = record("demand", 6,
                         "name = \"lost\"\npurpose = \"lost demands\"\nseed = 3\n[[fault]]\nkind = "
@@ -153,7 +153,8 @@ TEST(Replay, FramesCodedOnDemandAreReplayedToo) {
   EXPECT_GT(answered_late, 5U) << "a demand was lost or the line was busy";
 }
 
-// A stall, a flap with another connection behind it, damaged bytes: each message as it came, each job as it was.
+// A stall, a flap with another connection behind it, damaged bytes: each message as it came, each
+// job as it was.
 TEST(Replay, ABadRoadIsReplayedToo) {
   const auto r =
       record("road", 6, {}, {},
@@ -221,8 +222,8 @@ TEST(Replay, RecordingChangesNothing) {
   EXPECT_EQ(bare.log_hash, plain().run.log_hash);
 }
 
-// The hand marks the pedestal instead of the floor: it becomes an object, fusion publishes it and planning
-// reads it.
+// The hand marks the pedestal instead of the floor: it becomes an object, fusion publishes it and
+// planning reads it.
 TEST(Replay, ObjectsReplayToo) {
   std::ifstream in(teletact::find_config("scenes", "default_room"));
   std::string text{std::istreambuf_iterator<char>(in), {}};
@@ -289,7 +290,8 @@ TEST(Replay, ThePublishedMethodReplaysToo) {
   }
 }
 
-// What the operator asked of the scene, and what the console said that it had taken of the mesh, are inputs.
+// What the operator asked of the scene, and what the console said that it had taken of the mesh,
+// are inputs.
 TEST(Replay, EditsAndTheMeshReplayToo) {
   std::ifstream in(teletact::find_config("scenes", "default_room"));
   std::string text{std::istreambuf_iterator<char>(in), {}};

@@ -337,7 +337,8 @@ TEST(Admission, PinnedTasksStayAndSentinelsFollowTheUsedCores) {
   for (std::size_t i = 0; i < again.size(); ++i) EXPECT_EQ(*again[i].core, a.tasks[i].core);
 }
 
-// A box is a process: where both have a task on a core, both have a sentinel there, at what it wakes.
+// A box is a process: where both have a task on a core, both have a sentinel there, at what it
+// wakes.
 TEST(Admission, EachBoxBringsItsOwnSentinelsAndWatchdog) {
   AdmissionRequest r;
   r.cpus = {4, 6, 9};
@@ -368,8 +369,8 @@ TEST(Admission, EachBoxBringsItsOwnSentinelsAndWatchdog) {
                         std::tuple("watchdog@4", kRobot, 10'000'000)));
 }
 
-// Against all instants, one by one: never charged for fewer wake-ups than there are, and never for more
-// than one a release.
+// Against all instants, one by one: never charged for fewer wake-ups than there are, and never for
+// more than one a release.
 TEST(Admission, ASentinelIsChargedForEveryInstantAtWhichItWakes) {
   constexpr std::uint64_t kSeed = 8021;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));

@@ -1,6 +1,6 @@
-// Pool workers in the admission, against the reference simulator: what a fork-join job really does on two
-// or three cores (a chain of pieces, each arriving when what it waits for has ended) never takes longer
-// than the admission says, for the parent, its workers and every task beside them.
+// Pool workers in the admission, against the reference simulator: what a fork-join job really does
+// on two or three cores (a chain of pieces, each arriving when what it waits for has ended) never
+// takes longer than the admission says, for the parent, its workers and every task beside them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,8 +32,8 @@ TaskSpec periodic(std::string name, Ticks period, Ticks budget, int core) {
   return s;
 }
 
-// One job of the parent: pre[0] fork par[0] join pre[1] fork ... par[n-1] join tail. piece[w][s] is what
-// worker w does at fork s.
+// One job of the parent: pre[0] fork par[0] join pre[1] fork ... par[n-1] join tail. piece[w][s] is
+// what worker w does at fork s.
 struct Job {
   std::vector<Ticks> pre, par;
   std::vector<std::vector<Ticks>> piece;
@@ -118,7 +118,8 @@ struct Seen {
   bool settled = false;
 };
 
-// Arrivals are found by running again until none of them moves: each piece waits for pieces before it only.
+// Arrivals are found by running again until none of them moves: each piece waits for pieces before
+// it only.
 Seen run(const Case& c, const rt::Admission& a) {
   const std::size_t forks = c.job.pre.size();
   const Ticks period = c.request.tasks[0].period().count();
@@ -232,8 +233,8 @@ TEST(ForkJoin, NeverSlowerThanAdmitted) {
   EXPECT_GT(late_without_wait, 100);
 }
 
-// By hand, one fork, no switch cost. Core 0: high (T 10, C 2), parent (T 40: 3 before the fork, 4 beside the
-// worker, 2 after). Core 1: busy (T 8, C 1), worker (C 6), low (T 80, C 5).
+// By hand, one fork, no switch cost. Core 0: high (T 10, C 2), parent (T 40: 3 before the fork, 4
+// beside the worker, 2 after). Core 1: busy (T 8, C 1), worker (C 6), low (T 80, C 5).
 //   latest fork   w = 3 + ceil(w/10) 2 = 5
 //   join          w = 6 + ceil(w/8) 1 = 7;  wait = 7 - 4 = 3;  C of the parent = 9 + 3 = 12
 //   R parent      w = 12 + ceil(w/10) 2 = 16

@@ -81,7 +81,8 @@ TEST(ModeTable, ASafeModeThatDoesNotFitRefusesTheStart) {
   EXPECT_THAT(t.refusal, HasSubstr("'drive'"));
 }
 
-// Two modes that fit, and no way from one to the other: while the change is under way both are paid for.
+// Two modes that fit, and no way from one to the other: while the change is under way both are paid
+// for.
 TEST(ModeTable, AChangeIsAnalysedOnItsOwn) {
   Fixture f(55, 75);
   f.modes = {{"touch only", true, {{true, 0, 0}, {false, 0, 0}}},

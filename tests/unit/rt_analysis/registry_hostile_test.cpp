@@ -1,5 +1,5 @@
-// The registry's file is writable by every local user: what somebody may do to it, and what comes of
-// it. The layout is written here by hand, from registry.hpp's rules and nothing of its code.
+// The registry's file is writable by every local user: what somebody may do to it, and what comes
+// of it. The layout is written here by hand, from registry.hpp's rules and nothing of its code.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -195,7 +195,8 @@ TEST_F(HostileRegistry, WhoKeepsOthersOutIsNamed) {
   EXPECT_THAT(full.error(), HasSubstr("is full"));
 }
 
-// A process that dies between its writes leaves a slot whose pid is 0: free, whatever else is in it.
+// A process that dies between its writes leaves a slot whose pid is 0: free, whatever else is in
+// it.
 TEST_F(HostileRegistry, AHalfWrittenRowIsFree) {
   RawSlot s = alive();
   s.pid = 0;

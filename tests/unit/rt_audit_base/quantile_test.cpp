@@ -1,4 +1,5 @@
-// The rank rule against whole numbers and sorting: q is a fraction of integers, the rank the first r with r b >= a n.
+// The rank rule against whole numbers and sorting: q is a fraction of integers, the rank the first
+// r with r b >= a n.
 #include "rt/quantile.hpp"
 
 #include <gtest/gtest.h>
@@ -91,7 +92,8 @@ TEST(Quantile, MedianOfAnEvenNumberIsTheLowerOne) {
   static_assert(noexcept(rt::quantile_in_place(std::span<double>(), 0.5)));
 }
 
-// In place, of the sorted and of a copy: all are the sorted values at the rank; the in-place one keeps the values.
+// In place, of the sorted and of a copy: all are the sorted values at the rank; the in-place one
+// keeps the values.
 template <class T>
 void against_sorting(std::uint64_t seed, rt::Random& random) {
   for (int round = 0; round < 400; ++round) {

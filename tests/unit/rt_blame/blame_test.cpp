@@ -84,8 +84,8 @@ TEST(Blame, AQuietRunHasNothingToBlame) {
   expect_total(b);
 }
 
-// Ten releases run, two are dropped before the last, then the thread ends: of the totals' skips beyond the
-// records, the lost ones are its own.
+// Ten releases run, two are dropped before the last, then the thread ends: of the totals' skips
+// beyond the records, the lost ones are its own.
 TEST(Blame, WhatAnEndedThreadLostIsItsOwn) {
   Story s;
   for (int i = 0; i < 9; ++i) s.job(20 * kUs, 100 * kUs);

@@ -1,4 +1,5 @@
-// A thread that a plan ends, on the virtual clock: what is counted, and when its output is made safe.
+// A thread that a plan ends, on the virtual clock: what is counted, and when its output is made
+// safe.
 #include <gtest/gtest.h>
 
 #include "rt/fault/planned.hpp"
@@ -56,7 +57,8 @@ TEST(DeadThread, LostReleasesAreCountedAndTheOutputIsMadeSafeAtTheFirst) {
   EXPECT_EQ(body.safe, 1) << "without a limit of misses: once, when the thread is gone";
 }
 
-// Each lost release is a miss to the bucket: above the limit it forces the safe output again and again.
+// Each lost release is a miss to the bucket: above the limit it forces the safe output again and
+// again.
 TEST(DeadThread, LostReleasesFillTheBucket) {
   Body body;
   const auto t = run(body, rt::MissPolicy::kSkip, 5, 300);

@@ -1,5 +1,6 @@
-// The guard can only see what happens inside a section: both executors must open it round step() of a
-// hard task, and round nothing else. (The real executor's counts of many jobs are in tests/timing.)
+// The guard can only see what happens inside a section: both executors must open it round step() of
+// a hard task, and round nothing else. (The real executor's counts of many jobs are in
+// tests/timing.)
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -105,7 +106,8 @@ TEST(Section, RealExecutor) {
   expect_sections([](Probe& h, Probe& f) { run_real(h, f, rt::Planned{}); });
 }
 
-// And so the guard sees an allocation in a hard step through either executor, and in a firm one not.
+// And so the guard sees an allocation in a hard step through either executor, and in a firm one
+// not.
 TEST(Section, TheGuardSeesThroughTheExecutors) {
   if (!rt_guard::linked()) GTEST_SKIP() << "no guard in this build";
   for (const bool real : {false, true}) {
@@ -120,7 +122,8 @@ TEST(Section, TheGuardSeesThroughTheExecutors) {
   }
 }
 
-// What a step takes from the heap is in its job's record, of a firm one too; what latch() and commit() take is not.
+// What a step takes from the heap is in its job's record, of a firm one too; what latch() and
+// commit() take is not.
 class Hungry final : public rt::TaskBody {
  public:
   explicit Hungry(int every) : every_(every) {}

@@ -1,4 +1,5 @@
-// A task with pool workers under both executors: in virtual time by closed forms, on the real clock by its books.
+// A task with pool workers under both executors: in virtual time by closed forms, on the real clock
+// by its books.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -115,7 +116,8 @@ TEST(VirtualPool, TheParentEndsWithTheLastOfItsOwn) {
 }
 
 TEST(VirtualPool, WhatHoldsAWorkerUpHoldsItsParentUp) {
-  // On core 0 a task of 2 ms every 10 ms above fusion, on core 1 one of 5 ms every 10 ms above the worker.
+  // On core 0 a task of 2 ms every 10 ms above fusion, on core 1 one of 5 ms every 10 ms above the
+  // worker.
   const std::vector<rt::PlacedTask> tasks{row("worker", 1, 1, 70, 30, "fusion"),
                                           row("fusion", 0, 0, 70, 30), row("quick", 2, 0, 79, 100),
                                           row("heavy", 3, 1, 79, 100)};
@@ -172,7 +174,8 @@ TEST(VirtualPool, AJobThatForksNothingLeavesAnEmptyRecord) {
   EXPECT_EQ(body.sum, (std::array<std::uint64_t, 4>{6, 6, 6, 6}));
 }
 
-// Random sets: a parent's job ends when its own CPU and each worker's have been served, never before.
+// Random sets: a parent's job ends when its own CPU and each worker's have been served, never
+// before.
 TEST(VirtualPool, RandomSetsKeepTheirOrder) {
   const std::uint64_t seed = 20;
   std::printf("  seed %llu\n", static_cast<unsigned long long>(seed));

@@ -1,5 +1,5 @@
-// The fork-join pool itself: each part once, on the member that the rule names, results visible after the join,
-// nobody awake between forks.
+// The fork-join pool itself: each part once, on the member that the rule names, results visible
+// after the join, nobody awake between forks.
 #include <gtest/gtest.h>
 
 #include <sys/resource.h>

@@ -1,4 +1,5 @@
-// The check that all these tests rest on: it lets right books pass, and no wrong ones. Made by hand, no thread runs.
+// The check that all these tests rest on: it lets right books pass, and no wrong ones. Made by
+// hand, no thread runs.
 #include <gtest/gtest-spi.h>
 
 #include "tests/unit/rt_real_threads/rig.hpp"

@@ -70,8 +70,8 @@ TEST(RealExecutorEnds, TheWatchdogIsPinnedToTheLastCoreOfItsTasks) {
    public:
     void work(const rt::Tick& tick) noexcept override {
       if (tick.k < 3) return;
-      // The last look that sees one counts: a thread has its name before its CPU, and the last job may be looking when it
-      // has ended already.
+      // The last look that sees one counts: a thread has its name before its CPU, and the last job
+      // may be looking when it has ended already.
       int seen = 0;
       for (const auto& t : std::filesystem::directory_iterator("/proc/self/task")) {
         std::string name;

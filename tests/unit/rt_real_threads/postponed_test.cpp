@@ -1,5 +1,5 @@
-// A task whose releases are postponed while it runs: its grid moves as a whole, two releases are never
-// closer than a period, no job begins before its release, and the other tasks do not notice.
+// A task whose releases are postponed while it runs: its grid moves as a whole, two releases are
+// never closer than a period, no job begins before its release, and the other tasks do not notice.
 #include "tests/unit/rt_real_threads/rig.hpp"
 
 namespace {

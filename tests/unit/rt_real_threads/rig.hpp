@@ -1,5 +1,5 @@
-// Ordinary threads, each task on a core of its own where there is one: the kernel then interleaves them
-// in more ways than priorities on one core allow, and needs no right for it.
+// Ordinary threads, each task on a core of its own where there is one: the kernel then interleaves
+// them in more ways than priorities on one core allow, and needs no right for it.
 #pragma once
 
 #include "tests/timing/real_executor/rig.hpp"

@@ -1,5 +1,6 @@
-// Every thread that the real executor starts, at work at once. What is waited for is an event of the other
-// thread, never a time: a cap ends a run in which it does not come, and the books then tell.
+// Every thread that the real executor starts, at work at once. What is waited for is an event of
+// the other thread, never a time: a cap ends a run in which it does not come, and the books then
+// tell.
 #include "tests/unit/rt_real_threads/rig.hpp"
 
 namespace {
@@ -119,8 +120,8 @@ TEST(RealThreads, InjectedFaultsBesideTheTasks) {
   }
 }
 
-// Every tenth release comes 4 ms late, and the job before runs until 2 ms after its nominal instant: it drops the
-// one between and no more.
+// Every tenth release comes 4 ms late, and the job before runs until 2 ms after its nominal
+// instant: it drops the one between and no more.
 class RunsOver final : public Body {
  public:
   void work(const rt::Tick& tick) noexcept override {

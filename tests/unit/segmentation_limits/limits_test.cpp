@@ -1,6 +1,7 @@
-// What segmentation must reach with the setting that the product has, on real images: one touch an object, several
-// clicks, and whole images against people; on drawn clutter: several clicks. Skipped where the images are not. Figures
-// are those of `teletact bench segmentation`, `teletact accuracy clicks` and `teletact bench table2`.
+// What segmentation must reach with the setting that the product has, on real images: one touch an
+// object, several clicks, and whole images against people; on drawn clutter: several clicks.
+// Skipped where the images are not. Figures are those of `teletact bench segmentation`, `teletact
+// accuracy clicks` and `teletact bench table2`.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -57,8 +58,8 @@ TEST(SegmentationLimits, ClicksOnRealImages) {
   for (const StudyRow& row : study.rows) EXPECT_GE(iou_of_clicks(row, 3), 0.90) << row.data;
 }
 
-// The aim on harder scenes is .85 after three. Constants were chosen on seeds 200 to 211; here .886 without levels of
-// joining, .778 without a support of two colours as well.
+// The aim on harder scenes is .85 after three. Constants were chosen on seeds 200 to 211; here .886
+// without levels of joining, .778 without a support of two colours as well.
 TEST(SegmentationLimits, ClicksOnDrawnClutter) {
   ClicksStudyOptions options;
   options.clutter = 10;

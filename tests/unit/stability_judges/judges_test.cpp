@@ -1,4 +1,5 @@
-// Each judge of the hard cases has to fail on what it is there for: a trace made wrong on purpose, or another method.
+// Each judge of the hard cases has to fail on what it is there for: a trace made wrong on purpose,
+// or another method.
 #include <gtest/gtest.h>
 
 #include <algorithm>

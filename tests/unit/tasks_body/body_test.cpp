@@ -1,8 +1,9 @@
-// An arm that does a full reach before the camera: the map, the cost map and the camera's way are as without it.
+// An arm that does a full reach before the camera: the map, the cost map and the camera's way are
+// as without it.
 //
-// Pictures of the synthetic camera, Kinect v2 noise, 512 x 424, voxels of 20 mm. What is counted in the map: voxels
-// with a vertex of the mesh within 50 mm of where the arm was at any time, and more than 30 mm off every surface of
-// the room.
+// Pictures of the synthetic camera, Kinect v2 noise, 512 x 424, voxels of 20 mm. What is counted in
+// the map: voxels with a vertex of the mesh within 50 mm of where the arm was at any time, and more
+// than 30 mm off every surface of the room.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -279,15 +280,16 @@ void print(const char* what, Bench& b) {
       b.worst_area);
 }
 
-// No cell of the sweep is occupied in any map, and the maps are there: they show the room. That the arm would be in
-// them: OfABodyNotDescribedTheCostMapIsFull.
+// No cell of the sweep is occupied in any map, and the maps are there: they show the room. That the
+// arm would be in them: OfABodyNotDescribedTheCostMapIsFull.
 void expect_no_obstacle(const Bench& b) {
   EXPECT_TRUE(b.cost->ground_found);
   EXPECT_GE(b.least_room, 400);
   EXPECT_EQ(b.most_swept, 0);
 }
 
-// All of the arm is masked in every image that shows it; a mask may be larger, an empty one is none.
+// All of the arm is masked in every image that shows it; a mask may be larger, an empty one is
+// none.
 void expect_masked(const Bench& b) {
   EXPECT_GE(b.areas, 20);
   EXPECT_GE(b.least_covered, 0.99);
@@ -305,7 +307,8 @@ TEST(Body, AFullReachWithExactJointsLeavesNothing) {
   expect_masked(b);
 }
 
-// What the mask is for, and that the count above can be anything but 0: the same images fused where they were taken.
+// What the mask is for, and that the count above can be anything but 0: the same images fused where
+// they were taken.
 TEST(Body, FusedWithItsArmTheMapIsFullOfIt) {
   Bench b(Case{});
   perception::TsdfMap map(startup.token(), config().tsdf);
@@ -320,7 +323,8 @@ TEST(Body, FusedWithItsArmTheMapIsFullOfIt) {
   EXPECT_GT(b.ghosts(map, sweep), 50);
 }
 
-// The same for the cost map: whom the robot is not described to holds its arm for an obstacle, in the same run.
+// The same for the cost map: whom the robot is not described to holds its arm for an obstacle, in
+// the same run.
 TEST(Body, OfABodyNotDescribedTheCostMapIsFull) {
   Bench b(Case{.masked = false});
   b.all();
@@ -357,7 +361,8 @@ TEST(Body, JointsThatAreWrong) {
   }
 }
 
-// Nobody knows where the body is: the image is not used, is not a pose, and the next one goes on from before.
+// Nobody knows where the body is: the image is not used, is not a pose, and the next one goes on
+// from before.
 TEST(Body, WithoutGoodJointsTheImageIsRefused) {
   Bench b(Case{.frames = 12});
   b.all();
@@ -416,8 +421,8 @@ TEST(Body, OutOfViewItChangesNothing) {
   for (std::size_t i = 0; i < a.vertices_W.size(); ++i) ASSERT_EQ(a.vertices_W[i], c.vertices_W[i]);
 }
 
-// A box hangs before the arm, is taken, carried about and let go: in the map before the grasp and after the release,
-// in between nowhere.
+// A box hangs before the arm, is taken, carried about and let go: in the map before the grasp and
+// after the release, in between nowhere.
 TEST(Body, WhatItHoldsIsBodyFromGraspToRelease) {
   Case run;
   run.script.keys.clear();
@@ -457,7 +462,8 @@ TEST(Body, WhatItHoldsIsBodyFromGraspToRelease) {
       ++b.n_;
     }
   };
-  // The base drives on meanwhile: before the grasp the box stands in the world, where the gripper will be at 0.9 s.
+  // The base drives on meanwhile: before the grasp the box stands in the world, where the gripper
+  // will be at 0.9 s.
   const Pose X_WO = at_gripper(0.9);
   run_to(0.9, [&](double) { return X_WO; });
   const int before = in_map(X_WO);

@@ -1,5 +1,5 @@
-// Seeded no-go discs drawn in the robot's way, at several delays of the link: the robot touches nothing, and
-// arrives or says that there is no way and stands.
+// Seeded no-go discs drawn in the robot's way, at several delays of the link: the robot touches
+// nothing, and arrives or says that there is no way and stands.
 #include <gtest/gtest.h>
 
 #include <cstdio>

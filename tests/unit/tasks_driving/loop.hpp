@@ -1,5 +1,6 @@
-// Planning, prediction and the robot's side in a closed loop over a delaying link, on a cost map made from the
-// world by brute force: what the whole stack does with a mark and a no-go disc, without camera and fusion.
+// Planning, prediction and the robot's side in a closed loop over a delaying link, on a cost map
+// made from the world by brute force: what the whole stack does with a mark and a no-go disc,
+// without camera and fusion.
 #pragma once
 
 #include <algorithm>
@@ -31,8 +32,9 @@ struct Disc {
   double x_m = 0, y_m = 0, radius_m = 0, at_s = 1e9;
 };
 
-// Cells of 50 mm over the default room. Occupied: a solid within the robot's height meets the cell, or the disc
-// does. Costs as docs/fusion.md has them: inscribed to the radius and half a cell, then falling over 0.25 m.
+// Cells of 50 mm over the default room. Occupied: a solid within the robot's height meets the cell,
+// or the disc does. Costs as docs/fusion.md has them: inscribed to the radius and half a cell, then
+// falling over 0.25 m.
 class RoomMap {
  public:
   static constexpr double kCell = 0.05, kRadius = 0.35, kInflation = 0.25;

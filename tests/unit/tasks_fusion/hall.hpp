@@ -1,5 +1,5 @@
-// Halls with boxes in them, a camera that turns in their midst, and what the tests of lost cameras and of stored
-// maps have in common.
+// Halls with boxes in them, a camera that turns in their midst, and what the tests of lost cameras
+// and of stored maps have in common.
 #pragma once
 
 #include <cmath>

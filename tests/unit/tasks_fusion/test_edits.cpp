@@ -1,5 +1,5 @@
-// What the operator asks of the scene: regions that are forgotten, no-go areas; and the mesh that the console
-// is told.
+// What the operator asks of the scene: regions that are forgotten, no-go areas; and the mesh that
+// the console is told.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,8 +33,9 @@ int cost_at(const Rig& rig, double x_W, double y_W) {
   return m.cost[m.index(static_cast<int>(std::floor(p.x())), static_cast<int>(std::floor(p.y())))];
 }
 
-// The large box of the room is taken away. Without an edit its ghost stays for as long as the weights hold; the
-// operator's box forgets it at once, and the robot may drive there when its floor was seen.
+// The large box of the room is taken away. Without an edit its ghost stays for as long as the
+// weights hold; the operator's box forgets it at once, and the robot may drive there when its floor
+// was seen.
 TEST(SceneEdits, AClearedBoxIsForgottenAndItsFloorIsFree) {
   const AnalyticScene room = tests::test_room();
   AnalyticScene taken = room;
@@ -68,7 +69,8 @@ TEST(SceneEdits, AClearedBoxIsForgottenAndItsFloorIsFree) {
   EXPECT_EQ(left[1], 0U);
 }
 
-// A large region goes in slabs: each job clears a bounded part, and in the end the map is what one call makes.
+// A large region goes in slabs: each job clears a bounded part, and in the end the map is what one
+// call makes.
 TEST(SceneEdits, ALargeRegionTakesSeveralJobsAndIsTheSameAsOne) {
   const AnalyticScene room = tests::test_room();
   const Box all(Vec3(-1.0, -2.0, -0.3), Vec3(4.0, 2.0, 2.4));

@@ -90,8 +90,8 @@ TEST(MapAnchor, WhatChangesInTheSceneIsNoMotionOfTheMap) {
   EXPECT_LT(f.moved_mm().norm(), 0.15);
 }
 
-// A pixel of this camera is a voxel of 10 mm wide at 1.8 m: most of the room is farther, and what is near would be held
-// in directions that it alone does not show.
+// A pixel of this camera is a voxel of 10 mm wide at 1.8 m: most of the room is farther, and what
+// is near would be held in directions that it alone does not show.
 TEST(MapAnchor, HoldsNothingWherePixelsAreWiderThanVoxels) {
   Fused f(0.01);
   f.fuse(80, f.X_WC);

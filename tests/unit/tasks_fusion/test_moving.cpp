@@ -1,4 +1,5 @@
-// Something walks through the view of the fusion task: what it publishes of it. Nobody tells the task what moves.
+// Something walks through the view of the fusion task: what it publishes of it. Nobody tells the
+// task what moves.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -30,7 +31,8 @@ FusionConfig every_map() {
   return c;
 }
 
-// Cells that something moves in, by how far they are from the walker's box, m, seen from above; the farthest.
+// Cells that something moves in, by how far they are from the walker's box, m, seen from above; the
+// farthest.
 struct Told {
   int cells = 0, inside = 0, seen = 0;
   double farthest_m = 0;
@@ -84,8 +86,8 @@ TEST(FusionMoving, AWalkerIsAnObstacleWithinTwoFramesAndLeavesNone) {
   EXPECT_EQ(late, 0) << "frames that did not have it where it is";
   // Behind it up to what it is taken to reach, and a cell.
   EXPECT_LT(farthest_m, 0.30 + 0.08);
-  // It walks out on the left. Ten frames later nothing says that it was anywhere that is in view; what is beside the
-  // image stays for the stated time.
+  // It walks out on the left. Ten frames later nothing says that it was anywhere that is in view;
+  // what is beside the image stays for the stated time.
   for (int i = 0; i < 10; ++i) rig.see(tests::test_room(), Rig::eye(0));
   const perception::CostMap& m = *rig.cost;
   for (int i = 0; i < m.width * m.height; ++i) {
@@ -132,8 +134,9 @@ TEST(FusionMoving, TheFirstSightIsPublishedAtOnce) {
   ADD_FAILURE() << "never seen to move";
 }
 
-// Somebody stands close to the robot until they belong to the map, and walks on. What stands still is mostly floor and wall, which
-// agree with any motion along them: most of what tells one motion from another moves. Odometry that is trusted says which.
+// Somebody stands close to the robot until they belong to the map, and walks on. What stands still
+// is mostly floor and wall, which agree with any motion along them: most of what tells one motion
+// from another moves. Odometry that is trusted says which.
 TEST(FusionMoving, WhoStoodCloseAndWalksOnDoesNotCarryACameraWithOdometry) {
   const Pose X_WC = tests::look_at(Vec3(0, 0, 0.9), Vec3(2, 0, 0.9));
   const auto room_with = [](double y) {

@@ -1,4 +1,5 @@
-// The real recording through the task: every frame tracked, error bounded, CPU of each stage printed.
+// The real recording through the task: every frame tracked, error bounded, CPU of each stage
+// printed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -133,7 +134,8 @@ TEST(Recording, EveryFrameTrackedWithinTheBound) {
   }
 }
 
-// The first frames are the hardest: the fewer readings a voxel has and the smaller it is, the more its normals scatter.
+// The first frames are the hardest: the fewer readings a voxel has and the smaller it is, the more
+// its normals scatter.
 TEST(Recording, EveryVoxelAndLevelTracksTheFirstFrames) {
   if (!tests::have_recording()) GTEST_SKIP() << "no recording beside the repository";
   for (const double voxel_m : {0.005, 0.007, 0.01, 0.013, 0.02, 0.04}) {

@@ -1,5 +1,6 @@
-// The recording forwards and backwards with somebody who walks through it: put into depth by true order, in the place's
-// own frame, with the noise of a Kinect v2, and into colour where they are in front. Beside the plain run of the same images.
+// The recording forwards and backwards with somebody who walks through it: put into depth by true
+// order, in the place's own frame, with the noise of a Kinect v2, and into colour where they are in
+// front. Beside the plain run of the same images.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -25,14 +25,16 @@ struct Result {
   double worst_mm = 0, ate_mm = 0;
 };
 
-// The recorded poses come from a KinectFusion themselves, good to about 2 cm a metre: one limit, whatever the voxels.
+// The recorded poses come from a KinectFusion themselves, good to about 2 cm a metre: one limit,
+// whatever the voxels.
 constexpr double kWrong_m = 0.06;
 struct Voxels {
   double size_m, wrong_m;
 };
 constexpr Voxels kVoxels[] = {{0.01, kWrong_m}, {0.02, kWrong_m}};
 
-// Frames of the recording in another order; -1 is a dark one. A wait counts from the first frame of a show.
+// Frames of the recording in another order; -1 is a dark one. A wait counts from the first frame of
+// a show.
 Result play(const std::vector<int>& order, const Voxels& voxels) {
   rt::Startup startup;
   drivers::TumOptions options;

@@ -74,8 +74,8 @@ struct Returns {
   std::vector<bool> claimed;  // of each kidnap
 };
 
-// Kidnapped again and again, to places seen from near by and to places never seen. `there(k, X_WC)`: what the camera
-// of kidnap k then sees.
+// Kidnapped again and again, to places seen from near by and to places never seen. `there(k,
+// X_WC)`: what the camera of kidnap k then sees.
 template <typename There>
 Returns kidnap(Rig& rig, const Kidnaps& kidnaps, There&& there) {
   rt::Random random(kidnaps.seed);
@@ -136,7 +136,8 @@ AnalyticScene with_somebody(AnalyticScene s, double x, double y, double yaw) {
   return s;
 }
 
-// Keyframes that show what is not the place: nearer than the place by a tenth in a twentieth of their cells and more.
+// Keyframes that show what is not the place: nearer than the place by a tenth in a twentieth of
+// their cells and more.
 int keyframes_that_hold_somebody(const Rig& rig, const AnalyticScene& place) {
   using perception::Thumbnail;
   const auto& kept = rig.task->keyframes();
@@ -159,10 +160,10 @@ int keyframes_that_hold_somebody(const Rig& rig, const AnalyticScene& place) {
   return hold;
 }
 
-// What is kept of the place was taken with people in it, who are gone or stand elsewhere when the camera comes back.
-// First two stand, in the map too; then one walks before the camera as it turns. With
-// seed 15 the first kidnap is wrong: half a turn in the hall, and somebody hides the boxes in which its halves differ.
-// That image is the one of standing still (docs/fusion.md).
+// What is kept of the place was taken with people in it, who are gone or stand elsewhere when the
+// camera comes back. First two stand, in the map too; then one walks before the camera as it turns.
+// With seed 15 the first kidnap is wrong: half a turn in the hall, and somebody hides the boxes in
+// which its halves differ. That image is the one of standing still (docs/fusion.md).
 TEST(Relocalisation, NeverToTheWrongPlaceByViewsWithPeopleInThem) {
   const Kidnaps kidnaps(25);
   const AnalyticScene scene = hall();
@@ -193,8 +194,9 @@ TEST(Relocalisation, NeverToTheWrongPlaceByViewsWithPeopleInThem) {
       const Vec3 p = X_WC * Vec3(k % 2 == 0 ? 0.3 : -0.3, 0, 1.4);
       return with_somebody(scene, p.x(), p.y(), 0.7 * k);
     });
-    // Found again: of those who came back alone to where they had been. With somebody before the camera it mostly stays
-    // lost, and where two stood and are gone the map speaks against every other view.
+    // Found again: of those who came back alone to where they had been. With somebody before the
+    // camera it mostly stays lost, and where two stood and are gone the map speaks against every
+    // other view.
     int alone = 0, alone_found = 0;
     for (std::size_t k = 0; k < r.claimed.size(); k += 2) {
       alone += k % 3 != 0;
@@ -208,8 +210,8 @@ TEST(Relocalisation, NeverToTheWrongPlaceByViewsWithPeopleInThem) {
   }
 }
 
-// The same in both corners but for one box; it is not seen when looking this way, nor from where the other half
-// looks the same.
+// The same in both corners but for one box; it is not seen when looking this way, nor from where
+// the other half looks the same.
 AnalyticScene nearly_turned_hall() {
   AnalyticScene s = hall();
   s.boxes.resize(7);  // the two groups, and the box of one of them
@@ -281,8 +283,8 @@ double cpu_ms(const Rig& rig) {
 
 double median(const std::vector<double>& v) { return rt::quantile(v, 0.5); }
 
-// In units of the frame's own filter, the same work in every frame of a scene: lost frames come after all the tracked ones,
-// and a machine that others use is slower at one time than at another.
+// In units of the frame's own filter, the same work in every frame of a scene: lost frames come
+// after all the tracked ones, and a machine that others use is slower at one time than at another.
 double in_filters(const Rig& rig) {
   return 1e6 * cpu_ms(rig) / static_cast<double>(rig.task->last_profile().prepare);
 }
@@ -339,8 +341,8 @@ void compare_lost_with_tracked(Costs& out) {
   out = {median(tracked_ms), median(lost_ms)};
 }
 
-// The work is the same each time; the CPU that it takes depends on what a neighbour leaves of the caches: the middle
-// one of three runs counts.
+// The work is the same each time; the CPU that it takes depends on what a neighbour leaves of the
+// caches: the middle one of three runs counts.
 TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
   std::vector<double> shares;
   for (int run = 0; run < 3; ++run) {
@@ -353,8 +355,8 @@ TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
   EXPECT_LE(median(shares), 1);
 }
 
-// What is to be seen where the camera has got to is put away: the lost frames bring it back. At the size and the
-// voxels of the product, for a block costs the same whatever the image.
+// What is to be seen where the camera has got to is put away: the lost frames bring it back. At the
+// size and the voxels of the product, for a block costs the same whatever the image.
 TEST(Relocalisation, ALostFrameThatBringsBackWhatIsFarDoesNoMoreWorkThanATrackedOne) {
   const AnalyticScene scene = tests::passage(16);
   FusionConfig config;

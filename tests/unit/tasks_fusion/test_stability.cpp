@@ -123,7 +123,8 @@ TEST(Stability, WallWithASmallBoxIsRightOrSilent) {
   }
 }
 
-// The same at the product's size: more points, finer voxels, and so less noise to hide structure that is not there.
+// The same at the product's size: more points, finer voxels, and so less noise to hide structure
+// that is not there.
 TEST(Stability, SlidingWallAndSmallBoxAtFullSize) {
   FusionConfig full;
   full.tsdf.max_blocks = 8192;

@@ -94,8 +94,8 @@ TEST(StoredMap, AWrongOneIsRefusedAndTheTaskIsAsNew) {
   EXPECT_TRUE(rig.out.camera.claimed) << "the first image defines the map";
 }
 
-// A way of 20 m and back through a passage, beside a map that keeps it all in its pool. What lies within 3 m of the
-// camera, in chunks of 1.28 m, is less than half of it from anywhere.
+// A way of 20 m and back through a passage, beside a map that keeps it all in its pool. What lies
+// within 3 m of the camera, in chunks of 1.28 m, is less than half of it from anywhere.
 TEST(StoredMap, FarBlocksComeAndGoAndTrackingDoesNotNotice) {
   constexpr int kFrames = 480;
   const AnalyticScene s = tests::passage(24);

@@ -1,5 +1,6 @@
-// The ray cast of the published method of touch: made where the setup asks, in parts or in one job, from the last camera that was
-// claimed when it began. Oracle: a cast of the same map from that pose, made here, and the analytic scene.
+// The ray cast of the published method of touch: made where the setup asks, in parts or in one job,
+// from the last camera that was claimed when it began. Oracle: a cast of the same map from that
+// pose, made here, and the analytic scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -34,7 +35,8 @@ struct Asked : Rig {
   }
 };
 
-// Largest distance of a published point from that of a direct cast, m; and of a normal. Equal rays must meet the same.
+// Largest distance of a published point from that of a direct cast, m; and of a normal. Equal rays
+// must meet the same.
 struct Off {
   double point_m = 0, normal = 0;
   int hits = 0, differ = 0;
@@ -98,7 +100,8 @@ TEST(Surface, ThePointsAreThoseOfADirectCastFromTheClaimedPose) {
   EXPECT_LT(median_m, 0.003);
 }
 
-// In parts: whole every n-th period, all of one pose, and of a map that rests what a cast in one job is.
+// In parts: whole every n-th period, all of one pose, and of a map that rests what a cast in one
+// job is.
 TEST(Surface, InPartsItIsTheSameCastLater) {
   const AnalyticScene room = tests::test_room();
   for (const int periods : {2, 5, 12, 15}) {
@@ -129,7 +132,8 @@ TEST(Surface, InPartsItIsTheSameCastLater) {
   }
 }
 
-// While the camera goes on, a cast keeps the pose that it began with, and says how old its oldest rows are.
+// While the camera goes on, a cast keeps the pose that it began with, and says how old its oldest
+// rows are.
 TEST(Surface, APartKeepsThePoseThatTheCastBeganWith) {
   const AnalyticScene room = tests::test_room();
   Asked rig(true, 4);
@@ -168,7 +172,8 @@ TEST(Surface, ItComesEveryPeriodFromTheFirstClaimOn) {
             rt::Time{rt::nanos_from_seconds(static_cast<double>(rig.period - 1) * tests::kDt)});
 }
 
-// A camera that sees nothing claims nothing: the cast stays where it was claimed last, of the map as it is.
+// A camera that sees nothing claims nothing: the cast stays where it was claimed last, of the map
+// as it is.
 TEST(Surface, ALostCameraCastsFromWhereItWasClaimedLast) {
   const AnalyticScene room = tests::test_room();
   Asked rig;

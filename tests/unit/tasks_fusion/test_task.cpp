@@ -65,7 +65,8 @@ TEST(FusionTask, PatchEveryPeriodFollowsTheHand) {
   EXPECT_EQ(rig.patch->checksum, checksum);
 }
 
-// Within reach of the hand the patch is smoothed, elsewhere and with the key at 0 it is the map's own field.
+// Within reach of the hand the patch is smoothed, elsewhere and with the key at 0 it is the map's
+// own field.
 TEST(FusionTask, ThePatchIsSmoothedRoundTheHandAlone) {
   const AnalyticScene room = tests::test_room();
   FusionConfig raw_config = coarse();
@@ -149,7 +150,8 @@ TEST(FusionTask, LostFrameIsNotIntegratedAndTrackingComesBack) {
   for (int i = 8; i < 11; ++i) rig.see(room, Rig::eye(i));
   EXPECT_TRUE(rig.out.camera.claimed);
   EXPECT_LT((rig.out.camera.X_WC.translation() - Rig::eye(10).translation()).norm(), 0.004);
-  // Nobody looked for what moves in the image by which it was found: that one is not learned either.
+  // Nobody looked for what moves in the image by which it was found: that one is not learned
+  // either.
   EXPECT_FALSE(rig.out.integrated);
   EXPECT_EQ(rig.task->map().checksum(), before);
   rig.see(room, Rig::eye(11));
@@ -225,7 +227,8 @@ TEST(FusionTask, WithoutOdometryAWallIsNotClaimedAndStandsStill) {
   EXPECT_LT((rig.out.camera.X_WC.translation() - along_wall(0).translation()).norm(), 0.002);
 }
 
-// A force waits for the patch; what only a person sees, and the next image's ray cast, come behind it.
+// A force waits for the patch; what only a person sees, and the next image's ray cast, come behind
+// it.
 TEST(FusionTask, WhatOthersWaitForIsThereBeforeTheRest) {
   const AnalyticScene room = tests::test_room();
   Rig whole, parts;

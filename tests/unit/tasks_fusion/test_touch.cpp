@@ -1,4 +1,5 @@
-// A hand presses on a fused surface while tracking corrects itself: the map stays where it is, and so does the force.
+// A hand presses on a fused surface while tracking corrects itself: the map stays where it is, and
+// so does the force.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -17,7 +18,8 @@ using tests::kDt;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-// Fusion and touch, one after the other, as the graph joins them: a patch a period, the hand back to fusion.
+// Fusion and touch, one after the other, as the graph joins them: a patch a period, the hand back
+// to fusion.
 class Pressed {
  public:
   Pressed() : task_(rig.startup.token(), config(), device(), 1e-3) {
@@ -76,8 +78,8 @@ class Pressed {
   std::uint64_t k_ = 0;
 };
 
-// In the dark odometry carries the camera, wrongly, by 50 mm and 5 degrees, and then takes it back: the pose leaps
-// between two publications, twice, and no tick knows of it.
+// In the dark odometry carries the camera, wrongly, by 50 mm and 5 degrees, and then takes it back:
+// the pose leaps between two publications, twice, and no tick knows of it.
 TEST(Touch, ACorrectionOfTrackingChangesNoForce) {
   Pressed still, leaping;
   Pose leap = Pose::Identity();

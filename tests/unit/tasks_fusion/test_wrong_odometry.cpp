@@ -1,5 +1,5 @@
-// Odometry that is wrong by metres: a wheel slips in the dark, the robot's side begins anew. The lost camera is to be
-// found by what it sees.
+// Odometry that is wrong by metres: a wheel slips in the dark, the robot's side begins anew. The
+// lost camera is to be found by what it sees.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -126,7 +126,8 @@ TEST(Calibration, AnAbortedTaskKeepsTheDeclaredBudgetAndCostsWhatItTakes) {
   EXPECT_NEAR(static_cast<double>(tasks::make_costs(c, only)[0][0].value_ns.back()), 50e6 / 1.2, 2);
 }
 
-// A scene that touches by the published method pays for its ray cast: declared where it was not measured with it.
+// A scene that touches by the published method pays for its ray cast: declared where it was not
+// measured with it.
 TEST(Calibration, TheRayCastOfThePublishedMethodIsInTheBudgets) {
   const Calibration c = whole();
   const Calibration same = tasks::with_ray_cast(c, 0);
@@ -187,7 +188,8 @@ TEST(Calibration, TheRayCastIsInTheDeclaredBudgetsToo) {
   }
 }
 
-// A scene that names other picture codecs pays for them: capture what was not measured with one, the link its share.
+// A scene that names other picture codecs pays for them: capture what was not measured with one,
+// the link its share.
 TEST(Calibration, PictureCodecsAreInTheBudgetsOfCaptureAlone) {
   drivers::PictureConfig pictures;
   perception::Intrinsics camera{365, 365, 256, 212, 512, 424};

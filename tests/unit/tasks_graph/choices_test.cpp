@@ -1,4 +1,5 @@
-// What the scene and the calibration leave to choose from, and what the request for the host is made of.
+// What the scene and the calibration leave to choose from, and what the request for the host is
+// made of.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -170,7 +171,8 @@ TEST(Request, PoolRowsFollowTheTable) {
   EXPECT_EQ(a.tasks.back().choice, a.tasks[kFusion].choice);
 }
 
-// Measured with one thread: what is left to fusion itself is declared, as a share. Measured with workers: as it is.
+// Measured with one thread: what is left to fusion itself is declared, as a share. Measured with
+// workers: as it is.
 TEST(Request, BudgetsOfAPool) {
   tasks::PoolConfig pool;
   pool.fusion_workers = 1;

@@ -1,4 +1,5 @@
-// The clutch in the graph: the device's second button, and the camera's direction that the workspace takes over.
+// The clutch in the graph: the device's second button, and the camera's direction that the
+// workspace takes over.
 #include <gtest/gtest.h>
 
 #include "tasks/graph/haptic_node.hpp"

@@ -1,4 +1,5 @@
-// Cells follow the rows of kEdges: who may read, how many values are kept, what is made in which box.
+// Cells follow the rows of kEdges: who may read, how many values are kept, what is made in which
+// box.
 #include "tasks/edges/edge_cells.hpp"
 
 #include <gtest/gtest.h>

@@ -1,6 +1,7 @@
-// Every row of kLimitTable that a task reads, in the nodes as they run: a writer that falls silent, and one that goes
-// on publishing data of long ago. Within the limit nothing changes; beyond it the row's consequence is there, the
-// task's log says so, and it ends when the value is in time again. (The console's rows: tests/fault/messages.)
+// Every row of kLimitTable that a task reads, in the nodes as they run: a writer that falls silent,
+// and one that goes on publishing data of long ago. Within the limit nothing changes; beyond it the
+// row's consequence is there, the task's log says so, and it ends when the value is in time again.
+// (The console's rows: tests/fault/messages.)
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -303,7 +304,8 @@ struct Boxes {
   }
   bool planning_mark_ = false;
 
-  // One job of the reader. Fusion and planning only latch: what their steps do without an input is for their own tests.
+  // One job of the reader. Fusion and planning only latch: what their steps do without an input is
+  // for their own tests.
   rt::Health job(TaskId id, Time now) {
     rt::Tick tick;
     tick.k = ++k_;

@@ -19,8 +19,8 @@ using tasks::FrameWay;
 
 constexpr Nanos kPeriod{33333333};
 
-// Share of frames that a newest-wins cell loses when frame k arrives at k T + arrival(k) and the reader
-// comes at k T + offset.
+// Share of frames that a newest-wins cell loses when frame k arrives at k T + arrival(k) and the
+// reader comes at k T + offset.
 double overwritten(const std::vector<Nanos>& arrivals, Nanos offset) {
   std::vector<std::int64_t> at;
   for (std::size_t k = 0; k < arrivals.size(); ++k)
@@ -106,7 +106,8 @@ TEST(FramePhase, TheWayAddsUp) {
   EXPECT_EQ(slow.latest - jittery.latest, milliseconds{20});
 }
 
-// A job of fusion on capture's core, above it, is in capture's bound; at the phase chosen it lies elsewhere.
+// A job of fusion on capture's core, above it, is in capture's bound; at the phase chosen it lies
+// elsewhere.
 TEST(FramePhase, CaptureBelowFusionOnOneCoreGivesThePhaseOfCaptureAlone) {
   const auto offset = [](int fusion_core, milliseconds bound) {
     rt::Admission admission;

@@ -1,5 +1,5 @@
-// The limits of kLimitTable are those in force: defaults of the configurations, docs/architecture.md.
-// TELETACT_UPDATE=1 in the environment writes the page anew.
+// The limits of kLimitTable are those in force: defaults of the configurations,
+// docs/architecture.md. TELETACT_UPDATE=1 in the environment writes the page anew.
 #include <gtest/gtest.h>
 #include <cstdlib>
 #include <filesystem>

@@ -1,5 +1,6 @@
-// What a message weighs in a run's hash, how it ages, what a fault plan's nan does to it, and its bytes on the wire:
-// pinned, so that recordings and robots of an older build are still understood. A change here is a change of format.
+// What a message weighs in a run's hash, how it ages, what a fault plan's nan does to it, and its
+// bytes on the wire: pinned, so that recordings and robots of an older build are still understood.
+// A change here is a change of format.
 #include <gtest/gtest.h>
 
 #include <cmath>

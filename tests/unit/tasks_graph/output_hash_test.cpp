@@ -1,5 +1,5 @@
-// What is committed is hashed whole: any field of any message, by its lowest bit, changes the hash; what
-// lies in a slot beyond the message does not.
+// What is committed is hashed whole: any field of any message, by its lowest bit, changes the hash;
+// what lies in a slot beyond the message does not.
 #include "tasks/edges/output_hash.hpp"
 
 #include <gtest/gtest.h>

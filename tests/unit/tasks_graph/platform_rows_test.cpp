@@ -27,8 +27,8 @@ tasks::Calibration measured() {
   return c;
 }
 
-// The default table on two cores, with the sentinels and watchdogs that its two processes start: for each
-// box and CPU that has a task of it one set of sentinel rows, for each box one watchdog.
+// The default table on two cores, with the sentinels and watchdogs that its two processes start:
+// for each box and CPU that has a task of it one set of sentinel rows, for each box one watchdog.
 TEST(Request, BothProcessesPlatformIsChargedAndFitsTwoCores) {
   const auto r = tasks::make_request(tasks::make_specs(measured()), {0, 1}, {.camera_twin = 0.30});
   const auto a = rt::admit(r);

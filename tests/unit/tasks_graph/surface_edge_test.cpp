@@ -1,4 +1,5 @@
-// The edge of the published method's ray cast: there where haptic.method asks for it and nowhere else, read in place.
+// The edge of the published method's ray cast: there where haptic.method asks for it and nowhere
+// else, read in place.
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -90,7 +91,8 @@ TEST(SurfaceEdge, ALivenessBelowTwoCastsIsRefused) {
   const tasks::OperatorGraph graph(startup.token(), config, setup, 1e-3);
 }
 
-// What a tick latched stays as it is until the next latch, however much is published meanwhile; and nobody copies.
+// What a tick latched stays as it is until the next latch, however much is published meanwhile; and
+// nobody copies.
 TEST(SurfaceEdge, WhatATickReadsIsNotWrittenUntilItsNextLatch) {
   Box box("force_shading");
   auto& cell = box.graph->cells().of<tasks::EdgeId::kSurface>().cell;

@@ -40,7 +40,8 @@ TEST(Effects, SlidingFrictionIsMuTimesTheNormalForce) {
   EXPECT_NEAR(last.f.z(), 5, 0.02);
 }
 
-// Along a corner off the grid: where friction holds the proxy back into a wall it is at the free place nearest to there.
+// Along a corner off the grid: where friction holds the proxy back into a wall it is at the free
+// place nearest to there.
 TEST(Effects, FrictionLiftsToTheNearestFreePlace) {
   constexpr std::uint64_t kSeed = 3;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
@@ -107,8 +108,8 @@ TEST(Effects, TextureIsAHeightOfTheSurface) {
   EXPECT_NEAR(high - low, 2e-4, 0.5e-4);
 }
 
-// F = K (elastic) is the slope of the energy K stretch^2 / 2, on one face and in the edge of two: within the reach, where
-// f bends, and deeper.
+// F = K (elastic) is the slope of the energy K stretch^2 / 2, on one face and in the edge of two:
+// within the reach, where f bends, and deeper.
 TEST(Effects, TextureIsConservative) {
   constexpr std::uint64_t kSeed = 19;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
@@ -234,8 +235,8 @@ TEST(Effects, BordersAndFlickeringLabelsAreFollowedSoftly) {
   }
 }
 
-// Every parameter at once, at random: what follows changes the force by 0.1 N at most, all parameters together, and
-// arrives. Nothing sweeps through the periods between two.
+// Every parameter at once, at random: what follows changes the force by 0.1 N at most, all
+// parameters together, and arrives. Nothing sweeps through the periods between two.
 TEST(Effects, AllParametersTogetherAreFollowedSoftly) {
   constexpr std::uint64_t kSeed = 23;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
@@ -315,7 +316,8 @@ Scene bumpy_floor(double stiffness, double damping) {
   return s;
 }
 
-// 200 closed loops, 0.6 to 8 mm deep, legs of 5 to 100 mm/s; the perturbed normal costs energy over many of them.
+// 200 closed loops, 0.6 to 8 mm deep, legs of 5 to 100 mm/s; the perturbed normal costs energy over
+// many of them.
 TEST(Effects, TextureLoopsCostNothing) {
   constexpr std::uint64_t kSeed = 1000;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
@@ -334,8 +336,8 @@ TEST(Effects, TextureLoopsCostNothing) {
   }
 }
 
-// The height felt is the texture's below 100 Hz as deep as the reach goes, though the slew guard is on. The reach is the
-// same at every speed.
+// The height felt is the texture's below 100 Hz as deep as the reach goes, though the slew guard is
+// on. The reach is the same at every speed.
 TEST(Effects, TextureKeepsItsHeightAtSpeed) {
   for (const double stiffness : {300.0, 1000.0}) {
     double first = 0;
@@ -364,8 +366,8 @@ TEST(Effects, TextureKeepsItsHeightAtSpeed) {
   }
 }
 
-// A device of 0.2 kg and b 2 N s/m, its encoder's step 10 um, that rests on bumps under a push: how fast it still moves
-// after 3 s.
+// A device of 0.2 kg and b 2 N s/m, its encoder's step 10 um, that rests on bumps under a push: how
+// fast it still moves after 3 s.
 double speed_at_rest(double stiffness, double push_N) {
   Rig r(bumpy_floor(stiffness, 2));
   Vec3 x(0.0004, 0.0003, 0.001), v = Vec3::Zero();

@@ -48,7 +48,8 @@ TEST(FieldOptimum, SkewPlane) {
   });
 }
 
-// A steep field that was seen on one side only: the tip's radius is multiplied by the slope of what was seen.
+// A steep field that was seen on one side only: the tip's radius is multiplied by the slope of what
+// was seen.
 TEST(FieldOptimum, SteepFieldBesideWhatWasNotSeen) {
   constexpr double kSteep = 3, kRadius = 0.002;
   const ReferenceField field =

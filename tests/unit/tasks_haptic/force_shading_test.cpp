@@ -134,8 +134,8 @@ struct Literal {
   }
 };
 
-// Corner, edge and ball, hands that wander in and out: the same force in every tick, and no force after an end until
-// the hand has been outside.
+// Corner, edge and ball, hands that wander in and out: the same force in every tick, and no force
+// after an end until the hand has been outside.
 TEST(ForceShading, EqualsTheTextOnRandomPaths) {
   constexpr std::uint64_t kSeed = 44;
   std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
@@ -230,7 +230,8 @@ struct OnAPlane {
   }
 };
 
-// None came for its liveness: the force ramps to zero in haptic.ramp_s, with a fault, and returns with the next one.
+// None came for its liveness: the force ramps to zero in haptic.ramp_s, with a fault, and returns
+// with the next one.
 TEST(ForceShading, AStaleRayCastRampsTheForceDown) {
   const OnAPlane plane;
   rig::Rig r(plane.scene);
@@ -258,7 +259,8 @@ TEST(ForceShading, AStaleRayCastRampsTheForceDown) {
   EXPECT_NEAR(row.f.norm(), pressed, 0.01);
 }
 
-// Whatever is wrong with a ray cast, no force is made of it; and the next good one is touched again.
+// Whatever is wrong with a ray cast, no force is made of it; and the next good one is touched
+// again.
 TEST(ForceShading, AMalformedRayCastIsRefused) {
   const double nan = std::nan("");
   for (const int what : {0, 1, 2}) {

@@ -1,4 +1,5 @@
-// Passivity controller on a bare spring, held between ticks, against hands that try to get energy out of it.
+// Passivity controller on a bare spring, held between ticks, against hands that try to get energy
+// out of it.
 #include "tasks/haptic/passivity.hpp"
 
 #include <gtest/gtest.h>
@@ -61,7 +62,8 @@ class Wall {
   double spring_ = 0, lowest_ = 0;
 };
 
-// Encoder steps in and out, swings, random pushes of up to 40 m/s^2: two seconds of one of them after the other.
+// Encoder steps in and out, swings, random pushes of up to 40 m/s^2: two seconds of one of them
+// after the other.
 template <class Tick>
 void play(std::uint64_t seed, double rate_hz, double depth_m, const Tick& tick) {
   rt::Random random(seed);

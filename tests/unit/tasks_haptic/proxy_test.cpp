@@ -82,8 +82,8 @@ TEST(Proxy, SaysWhereAWallIsThinnerThanAVoxel) {
   }
 }
 
-// A hand slides off an edge while windows come that change nothing: what its spring held is lost, and no
-// surface took it. One that sinks takes its part.
+// A hand slides off an edge while windows come that change nothing: what its spring held is lost,
+// and no surface took it. One that sinks takes its part.
 TEST(Booking, WhatASlipLosesIsNotTheSurfaces) {
   Scene scene;
   scene.solid = [](const Vec3& p, double) { return solids::convex_edge(p); };

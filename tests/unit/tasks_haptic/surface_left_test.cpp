@@ -1,4 +1,5 @@
-// A hand on a face that starts to move, or that is no longer known: let go by a fade, told by one event, not carried.
+// A hand on a face that starts to move, or that is no longer known: let go by a fade, told by one
+// event, not carried.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -93,7 +94,8 @@ TEST(SurfaceLeft, SoDoesOneThatIsGoneOrNoLongerKnown) {
   expect_let_go(run(std::move(unknown)), "unknown");
 }
 
-// The motion mask says that it moves, the field stands still: what moves is neither fused nor carved.
+// The motion mask says that it moves, the field stands still: what moves is neither fused nor
+// carved.
 TEST(SurfaceLeft, AFaceThatIsSeenToMoveLetsTheHandGo) {
   for (const double voxel : {0.01, 0.02}) {
     Scene s = floor_scene();
@@ -142,7 +144,8 @@ TEST(SurfaceLeft, ASlowFaceAndASmallStepCarryTheHand) {
   }
 }
 
-// A window that is somewhere else than the hand does not say that the surface has gone: the last frame is held.
+// A window that is somewhere else than the hand does not say that the surface has gone: the last
+// frame is held.
 TEST(SurfaceLeft, AWindowThatLagsBehindTheHandIsNoSurfaceThatLeft) {
   for (const double aside : {0.13, 0.3}) {  // within two voxels of its edge, and outside of it
     Scene s = floor_scene();

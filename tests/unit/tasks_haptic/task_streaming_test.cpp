@@ -17,8 +17,9 @@ using rig::Row;
 using rig::Scene;
 using rig::Vec3;
 
-// 88 mJ in one step of the surface, 7.5 mm, just below what lets the hand go (surface_left_test.cpp): the blend is slowed from
-// 50 mJ on and outlasts the liveness of its patch, which is no reason to let go.
+// 88 mJ in one step of the surface, 7.5 mm, just below what lets the hand go
+// (surface_left_test.cpp): the blend is slowed from 50 mJ on and outlasts the liveness of its
+// patch, which is no reason to let go.
 TEST(HapticTask, ABlendSlowedByTheEnergyBudgetIsNotAStalePatch) {
   Scene s = floor_scene();
   s.solid = [](const Vec3& p, double t) { return solids::floor(p) - (t > 0.55 ? 0.0075 : 0.0); };
@@ -90,7 +91,8 @@ int longest_blend(const std::function<double(double t)>& height, double depth) {
   return longest;
 }
 
-// One period for what moves, sinks, or rises a little; 1.46 for a step that presses the hand, so that one that yields is given less energy.
+// One period for what moves, sinks, or rises a little; 1.46 for a step that presses the hand, so
+// that one that yields is given less energy.
 TEST(HapticTask, AStepUnderAHandIsBlendedLonger) {
   const auto step = [](double by) { return [by](double t) { return t > 0.5 ? by : 0.0; }; };
   EXPECT_EQ(longest_blend(step(0.005), 0.002), 48);
@@ -112,7 +114,8 @@ TEST(HapticTask, AStepUnderAHandIsBlendedLonger) {
       32);
 }
 
-// The floor is there in one window and gone in the next, thirty times a second, under a hand that holds and then slides.
+// The floor is there in one window and gone in the next, thirty times a second, under a hand that
+// holds and then slides.
 TEST(HapticTask, AFlickeringSurfaceStaysWithinItsLimits) {
   for (const bool pc : {false, true}) {
     Scene s = floor_scene();
@@ -227,8 +230,8 @@ TEST(HapticTask, PassivityControllerPaysForTheHold) {
   EXPECT_GT(spent[1], spent[0] - 1e-6);
 }
 
-// In at 100 mm/s and out again, six times: where the device pays for the hold the controller changes no bit of any force; where
-// it pays for nothing it acts.
+// In at 100 mm/s and out again, six times: where the device pays for the hold the controller
+// changes no bit of any force; where it pays for nothing it acts.
 TEST(HapticTask, PassivityControllerLeavesWhatTheDevicePaysFor) {
   const auto forces = [](bool on, double credit) {
     Scene s = floor_scene();

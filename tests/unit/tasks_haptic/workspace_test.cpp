@@ -37,8 +37,8 @@ TEST(Workspace, ToWorldAndBack) {
   }
 }
 
-// The scene's hand never leaps: whatever the clutch and the view do, it moves by scale times the device's motion,
-// or not at all.
+// The scene's hand never leaps: whatever the clutch and the view do, it moves by scale times the
+// device's motion, or not at all.
 TEST(Workspace, ClutchNeverMakesTheHandLeap) {
   rt::Random random = seeded(5);
   for (int round = 0; round < 50; ++round) {
@@ -99,8 +99,8 @@ Scene floor_scene() {
   return s;
 }
 
-// Clutched while pressed: the force goes to zero without a step, stays there while the device moves, and comes back
-// as it was.
+// Clutched while pressed: the force goes to zero without a step, stays there while the device
+// moves, and comes back as it was.
 TEST(Workspace, ForceFadesWithTheClutchAndComesBack) {
   Rig r(floor_scene());
   r.run(Path({{0, 0, 0.01}, {0, 0, -0.008}}, 0.1), 0, 0.25);
@@ -131,8 +131,8 @@ TEST(Workspace, ForceFadesWithTheClutchAndComesBack) {
   EXPECT_GE(row.telemetry.energy_J + row.telemetry.booked_J, -1e-3);
 }
 
-// Beyond the border the hand is driven into a wall: the force rises no faster than the guard allows, and what the
-// workspace puts into the spring is booked.
+// Beyond the border the hand is driven into a wall: the force rises no faster than the guard
+// allows, and what the workspace puts into the spring is booked.
 TEST(Workspace, BorderPressesSoftlyAndIsBooked) {
   Scene s = floor_scene();
   s.config.border_m = 0.03;

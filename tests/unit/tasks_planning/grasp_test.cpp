@@ -1,5 +1,5 @@
-// Grasps of boxes and cylinders in closed form, the arm against its own forward kinematics, and what every
-// grasp must keep over random boxes.
+// Grasps of boxes and cylinders in closed form, the arm against its own forward kinematics, and
+// what every grasp must keep over random boxes.
 #include "tasks/planning/grasp.hpp"
 
 #include <gtest/gtest.h>
@@ -78,7 +78,8 @@ TEST(Grasp, AFlatBoxIsTakenNoDeeperThanItsMiddleAndTheFloorAllows) {
   EXPECT_NEAR(flat.X_WG.translation().z(), 0.01, 1e-12) << "above the floor";
 }
 
-// Too high to be come at from above: a cylinder on a board, of which every level direction is a diameter.
+// Too high to be come at from above: a cylinder on a board, of which every level direction is a
+// diameter.
 TEST(Grasp, ACylinderOnABoardIsTakenFromTheSide) {
   const GraspConfig c;
   const double d = 0.06, h = 0.20;

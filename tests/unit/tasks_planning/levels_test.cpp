@@ -1,4 +1,5 @@
-// What the levels of the task table do on the hardest maps of the largest size, and what a plan takes there.
+// What the levels of the task table do on the hardest maps of the largest size, and what a plan
+// takes there.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,10 +1,12 @@
-// Something that moves in the way: a goal waits for it or goes round it, and is not given up for it.
+// Something that moves in the way: a goal waits for it or goes round it, and is not given up for
+// it.
 #include "tests/unit/tasks_planning/story.hpp"
 
 namespace tests {
 namespace {
 
-// A block of cells that something moves in, as fusion publishes it: occupied, and in the list. Without inflation.
+// A block of cells that something moves in, as fusion publishes it: occupied, and in the list.
+// Without inflation.
 void moves(Story& s, double x0, double y0, double x1, double y1) {
   const auto cell = [](double v) { return static_cast<int>(std::floor((v + 3) / 0.05)); };
   s.box(x0, y0, x1, y1);
@@ -107,8 +109,8 @@ TEST(PlanningMoving, TheSecondBestPlaceIsLeftAgain) {
   EXPECT_EQ(s.out.state.phase, Phase::kArrived);
 }
 
-// The room is cut in two by somebody who walks; the mark's side is out of reach, a cell on this one is within the goal's
-// radius of the mark. There the base does not go.
+// The room is cut in two by somebody who walks; the mark's side is out of reach, a cell on this one
+// is within the goal's radius of the mark. There the base does not go.
 TEST(PlanningMoving, ItDoesNotDriveOffToTheFarSideOfAWall) {
   Story s;
   s.box(0.2, -3, 0.4, 1.0);  // a wall with an opening

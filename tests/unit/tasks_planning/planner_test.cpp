@@ -315,7 +315,8 @@ TEST(Planner, TokenEndsARunningSearchSoon) {
   rt::Tick tick{};
   tick.cancel = &token;
   ASSERT_TRUE(planner.flood(*m, centre(*m, 2, 128), tick));
-  // What the search still works after the request, in CPU of its thread: others on the machine do not count.
+  // What the search still works after the request, in CPU of its thread: others on the machine do
+  // not count.
   clockid_t searching{};
   ASSERT_EQ(pthread_getcpuclockid(pthread_self(), &searching), 0);
   const auto cpu_ms = [&] {

@@ -1,4 +1,5 @@
-// A goal while the world changes: the map closes the way, the marked object moves, the path has pieces.
+// A goal while the world changes: the map closes the way, the marked object moves, the path has
+// pieces.
 #include <algorithm>
 #include <cstdio>
 #include <vector>
@@ -86,8 +87,8 @@ TEST(PlanningTask, ANewPathTurnsOffWhereTheRobotStillCan) {
   }
 }
 
-// A no-go area drawn beside the robot, a real wall on its other side: the way out of the one comes no nearer to
-// the other than the body's radius.
+// A no-go area drawn beside the robot, a real wall on its other side: the way out of the one comes
+// no nearer to the other than the body's radius.
 TEST(PlanningTask, TheWayOutOfANoGoAreaIsNotThroughAnotherObstacle) {
   constexpr std::uint64_t kSeed = 4711;
   std::printf("  seed %llu\n", static_cast<unsigned long long>(kSeed));

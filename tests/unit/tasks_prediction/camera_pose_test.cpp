@@ -42,8 +42,8 @@ PredictionConfig stated() {
   return c;
 }
 
-// Odometry is far off at the end; with the camera's poses the base ends where the path does in the map, without them
-// it does not.
+// Odometry is far off at the end; with the camera's poses the base ends where the path does in the
+// map, without them it does not.
 TEST(PredictionTask, TheCamerasPoseDrives) {
   for (const bool on : {false, true}) {
     double worst = 0, least = 1e9, moving = 0;
@@ -80,8 +80,8 @@ TEST(PredictionTask, TheCamerasPoseDrives) {
   }
 }
 
-// The camera goes dark in mid-drive: the base stands before it is truly off by the limit, says so, and stays; when the
-// camera is back it goes on and arrives.
+// The camera goes dark in mid-drive: the base stands before it is truly off by the limit, says so,
+// and stays; when the camera is back it goes on and arrives.
 TEST(PredictionTask, ADarkCameraStopsTheBaseBeforeItIsOffByTheLimit) {
   double worst = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {

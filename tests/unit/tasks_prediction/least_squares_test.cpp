@@ -1,4 +1,5 @@
-// The least squares of the predictors against slow references: singular values, and Gram-Schmidt over all rows at once.
+// The least squares of the predictors against slow references: singular values, and Gram-Schmidt
+// over all rows at once.
 #include "tasks/prediction/least_squares.hpp"
 
 #include <gtest/gtest.h>

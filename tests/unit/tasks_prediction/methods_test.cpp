@@ -1,4 +1,5 @@
-// All methods behind the one interface: hard histories, oracles of the filters, covariance, mixture, hand-back.
+// All methods behind the one interface: hard histories, oracles of the filters, covariance,
+// mixture, hand-back.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -55,7 +56,8 @@ TEST(Methods, TheOldNamesStillName) {
   }
 }
 
-// What all but `none` say of a motion that does not change: it goes on. A ridge pulls towards rest by its share.
+// What all but `none` say of a motion that does not change: it goes on. A ridge pulls towards rest
+// by its share.
 TEST(Methods, ConstantAndZeroHistoriesGoOn) {
   for (const std::string& m : methods()) {
     for (const Twist2 v : {Twist2{0.4, -0.2, 0.5}, Twist2{}}) {
@@ -79,8 +81,8 @@ TEST(Methods, ConstantAndZeroHistoriesGoOn) {
   }
 }
 
-// Velocities that are copies of each other, grow without end, jump, come after gaps of every size, twice, or as no
-// numbers: every answer is finite, and bounded by what the method states.
+// Velocities that are copies of each other, grow without end, jump, come after gaps of every size,
+// twice, or as no numbers: every answer is finite, and bounded by what the method states.
 TEST(Methods, HardHistoriesGiveFiniteAnswers) {
   const std::uint64_t seed = 421;
   const double nan = std::numeric_limits<double>::quiet_NaN(),
@@ -126,7 +128,8 @@ TEST(Methods, HardHistoriesGiveFiniteAnswers) {
   }
 }
 
-// The condition of a collinear history is reported as what it is: rank one, and the answer of least norm.
+// The condition of a collinear history is reported as what it is: rank one, and the answer of least
+// norm.
 TEST(LinearModel, CollinearHistoryHasRankOneAndTheLeastNorm) {
   MotionHistory history;
   const tasks::LinearModel model({3, 20, 0});
@@ -165,8 +168,8 @@ TEST(LinearModel, FindsALinearMotion) {
   EXPECT_NEAR(out.mean_B.wz, want[2], 1e-9);
 }
 
-// The filter's velocity and acceleration against the most likely states of the whole history at once: one least-squares
-// problem over all states, weighed by the same noises.
+// The filter's velocity and acceleration against the most likely states of the whole history at
+// once: one least-squares problem over all states, weighed by the same noises.
 TEST(AccelerationFilter, EqualsTheBatchSolution) {
   const std::uint64_t seed = 422;
   for (const double T : {0.0, 0.3}) {
@@ -216,7 +219,8 @@ TEST(AccelerationFilter, EqualsTheBatchSolution) {
   }
 }
 
-// The stated covariance against what the errors turn out to be: the mean of e^T C^-1 e of two places is 2.
+// The stated covariance against what the errors turn out to be: the mean of e^T C^-1 e of two
+// places is 2.
 TEST(Methods, StatedCovarianceIsOfTheSizeOfTheErrors) {
   for (const std::string& m : methods()) {
     rt::Random random(423);
@@ -254,7 +258,8 @@ TEST(Methods, StatedCovarianceIsOfTheSizeOfTheErrors) {
   }
 }
 
-// Two seconds after the motion changes its kind, the mixture is nearly as good as the best model of the new kind.
+// Two seconds after the motion changes its kind, the mixture is nearly as good as the best model of
+// the new kind.
 TEST(Mixture, GoesWithTheBestOfTheMoment) {
   rt::Random random(424);
   std::vector<MotionSample> log;
@@ -351,7 +356,8 @@ TEST(Methods, KnownCommandsCountWithOwnAndLsq) {
   }
 }
 
-// What was solved says how well it was posed; what solves nothing says 0. A motion that does not change has rank one.
+// What was solved says how well it was posed; what solves nothing says 0. A motion that does not
+// change has rank one.
 TEST(Methods, TheConditionIsStated) {
   for (const std::string& m : methods()) {
     for (const bool varied : {false, true}) {

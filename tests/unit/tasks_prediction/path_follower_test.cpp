@@ -42,8 +42,9 @@ TEST(PathFollower, ProgressNeverGoesBackNorLeapsToALaterBranch) {
   EXPECT_NEAR(f.next({0.2, 0, 0}).progress_m, 1.0, 1e-9);
 }
 
-// The path was changed under way and the base is beside it: what lies between the way back and the path is cut by no
-// more than the corridor, and the nearer the base comes, the further ahead it looks.
+// The path was changed under way and the base is beside it: what lies between the way back and the
+// path is cut by no more than the corridor, and the nearer the base comes, the further ahead it
+// looks.
 TEST(PathFollower, ABaseBesideThePathIsLedBackBeforeItGoesOn) {
   const tasks::PathFollowerConfig c;
   double before = 0;

@@ -44,7 +44,8 @@ TEST(PredictionTask, DrivesAPathRoundCornersAcrossDelays) {
   }
 }
 
-// The way from where the newest state was measured to where the base stands, when no goal comes any more in full drive.
+// The way from where the newest state was measured to where the base stands, when no goal comes any
+// more in full drive.
 double blind_way(rt::Nanos one_way, const PredictionConfig& c, double* speed = nullptr) {
   Loop l(one_way, c);
   l.pin.round_trip_uncertainty = l.pin.robot_unsure = l.rin.goal_unsure = one_way;

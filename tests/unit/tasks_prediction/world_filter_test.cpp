@@ -1,5 +1,5 @@
-// The filter against a closed form (a straight way), brute force (odometry with drawn errors), a batch least-squares
-// solution that shares no code with it, and the plant's own slipping wheels.
+// The filter against a closed form (a straight way), brute force (odometry with drawn errors), a
+// batch least-squares solution that shares no code with it, and the plant's own slipping wheels.
 #include "tasks/prediction/world_filter.hpp"
 
 #include <gtest/gtest.h>
@@ -30,8 +30,8 @@ double error_of(const Eigen::Matrix3d& P) {
                            .maxCoeff());
 }
 
-// Along: share of the way; aside: the share, and a heading that drifts evenly, g s^2 / 2. However many steps it takes,
-// also more than the filter remembers, and from any heading.
+// Along: share of the way; aside: the share, and a heading that drifts evenly, g s^2 / 2. However
+// many steps it takes, also more than the filter remembers, and from any heading.
 TEST(WorldFilter, AStraightWayWithoutCameraAsInClosedForm) {
   WorldFilterConfig c;
   c.odometry_translation_share = 0.03;
@@ -71,7 +71,8 @@ TEST(WorldFilter, WhatIsAheadIsStatedAsIfItHadBeenDriven) {
   EXPECT_EQ(here.error_after_m(0, 0), here.error_m());
 }
 
-// A bent way with turns: the base as it truly goes when the four shares are drawn, each step by itself.
+// A bent way with turns: the base as it truly goes when the four shares are drawn, each step by
+// itself.
 TEST(WorldFilter, ABentWayAsByBruteForce) {
   WorldFilterConfig c;
   c.odometry_translation_share = 0.02;
@@ -110,7 +111,8 @@ TEST(WorldFilter, ABentWayAsByBruteForce) {
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(stated(i, i) / drawn(i, i), 1, 0.06) << i;
 }
 
-// A drive with camera poses that come late: odometry with drawn shares for each leg between two of them.
+// A drive with camera poses that come late: odometry with drawn shares for each leg between two of
+// them.
 struct Drive {
   WorldFilterConfig c;
   std::vector<Pose2> odometry;  // every 0.1 s
@@ -161,8 +163,9 @@ struct Drive {
   }
 };
 
-// All shares of all legs at once, by Gauss-Newton with numerical derivatives: least squares of the camera's residuals
-// and the shares, each over its stated error. Its last pose and that pose's covariance.
+// All shares of all legs at once, by Gauss-Newton with numerical derivatives: least squares of the
+// camera's residuals and the shares, each over its stated error. Its last pose and that pose's
+// covariance.
 std::pair<Pose2, Eigen::Matrix3d> batch(const Drive& d, int steps = 5) {
   const int legs = static_cast<int>(d.camera.size()), n = 4 * legs;
   const Eigen::Vector4d sigma(0.04, 0.04, 1.5 * kDegree, 0.02);
@@ -254,8 +257,8 @@ TEST(WorldFilter, APoseBetweenTwoSamplesIsOnTheArcBetweenThem) {
   EXPECT_NEAR(f.X_WO().yaw, 0, 1e-12);
 }
 
-// Who loses the camera after a metre stands wrong by what the wheels slipped; it is found again by its covariance, in
-// one pose, where a fixed gate of half a metre had locked it out.
+// Who loses the camera after a metre stands wrong by what the wheels slipped; it is found again by
+// its covariance, in one pose, where a fixed gate of half a metre had locked it out.
 TEST(WorldFilter, FoundAgainFarOff) {
   WorldFilterConfig c;
   c.odometry_translation_share = 0.065;
@@ -344,9 +347,10 @@ TEST(WorldFilter, BadOldAndEarlyInput) {
   EXPECT_EQ(f.add_camera(1.4, {}), Taken::kTooOld);
 }
 
-// Wheels that slip by 0 to 10 % each, drawn anew every half second, of a radius 1 % off, with 4000 ticks: what a scene
-// with them states of its odometry covers what it does, and not by a multiple. One metre to six, ahead, aside and turning,
-// no camera; 0.065, 0.065, 2.2 deg/m are the root mean squares that the slips' distribution gives (docs/prediction.md).
+// Wheels that slip by 0 to 10 % each, drawn anew every half second, of a radius 1 % off, with 4000
+// ticks: what a scene with them states of its odometry covers what it does, and not by a multiple.
+// One metre to six, ahead, aside and turning, no camera; 0.065, 0.065, 2.2 deg/m are the root mean
+// squares that the slips' distribution gives (docs/prediction.md).
 TEST(WorldFilter, StatedErrorOfSlippingWheelsCoversThem) {
   rt::Startup startup;
   WorldFilterConfig c;

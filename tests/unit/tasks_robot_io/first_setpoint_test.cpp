@@ -102,8 +102,8 @@ TEST(RobotIoFirstSetpoint, IsNoStepOnTheWireOfAnyChain) {
   }
 }
 
-// On CAN a module is told in its turn, by a speed that was read up to 16 jobs before; wheels that are
-// off slow down by 4 m/s2 meanwhile.
+// On CAN a module is told in its turn, by a speed that was read up to 16 jobs before; wheels that
+// are off slow down by 4 m/s2 meanwhile.
 TEST(RobotIoFirstSetpoint, IsNoStepOfACanModuleThatHadLatchedItsTimeout) {
   constexpr std::uint64_t kSeed = 2208;
   constexpr double kRadius_m = 0.0475, kMost_rad_per_s = 16e-3 * 4 / kRadius_m;

@@ -267,8 +267,9 @@ TEST(RobotIo, EverythingThatStopsItDoesSoAlongItsRamp) {
   }
 }
 
-// The bound of tasks/graph/safe_times.hpp: silence, two ticks, v / a, the motors' tail. From the speed limit
-// in any direction, with and without the unkind effects, the true base must stand by then.
+// The bound of tasks/graph/safe_times.hpp: silence, two ticks, v / a, the motors' tail. From the
+// speed limit in any direction, with and without the unkind effects, the true base must stand by
+// then.
 TEST(RobotIo, StandsWithin300MillisecondsOfTheLastWord) {
   const Pose2 ways[] = {{6, 0, 0}, {0, 6, 0}, {-4, -4, 0}, {5, 0, 3}, {0, 0, 3}};
   for (const bool hard : {false, true}) {
@@ -300,7 +301,8 @@ TEST(RobotIo, StandsWithin300MillisecondsOfTheLastWord) {
   }
 }
 
-// Short of supervision's limit a silence only slows the base down: it goes on when the link is back.
+// Short of supervision's limit a silence only slows the base down: it goes on when the link is
+// back.
 TEST(RobotIo, AShortSilenceCostsSpeedAndNoEngage) {
   Robot r;
   drive(r, {5, 0, 0}, 1500);

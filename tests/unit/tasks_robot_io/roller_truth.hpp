@@ -1,5 +1,5 @@
-// Where a base with mecanum wheels is, from the angles of its wheels: a second opinion, which shares
-// no code with kinematics, odometry or the virtual robot.
+// Where a base with mecanum wheels is, from the angles of its wheels: a second opinion, which
+// shares no code with kinematics, odometry or the virtual robot.
 //
 // It knows each wheel's contact point p and the direction a of the roller that touches the floor
 // there. Without slip the floor stops the contact point along a: the rim's speed along a is that of

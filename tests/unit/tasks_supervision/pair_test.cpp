@@ -1,6 +1,6 @@
-// Both boxes' supervision over a late line of which one way, or both, falls silent at random: as TCP
-// has it, what a silence holds up comes behind it, in order. The operator holds the engage all the
-// time. Nothing here knows how a pause is agreed on; judged is what a person would see.
+// Both boxes' supervision over a late line of which one way, or both, falls silent at random: as
+// TCP has it, what a silence holds up comes behind it, in order. The operator holds the engage all
+// the time. Nothing here knows how a pause is agreed on; judged is what a person would see.
 #include <algorithm>
 #include <cstdio>
 #include <deque>
@@ -150,8 +150,8 @@ TEST(SupervisionPair, AShortSilenceOfAnyWayEndsNothingForGood) {
   }
 }
 
-// Longer than it survives: no wheel turns and the hand is limp until the operator lets go and presses
-// again.
+// Longer than it survives: no wheel turns and the hand is limp until the operator lets go and
+// presses again.
 TEST(SupervisionPair, ALongSilenceOfAnyWayDemandsAnAct) {
   for (std::uint64_t seed = 1; seed <= 400; ++seed) {
     rt::Random random(seed, 1);

@@ -89,7 +89,8 @@ TEST(SupervisionResume, WhateverElseHappensDemandsAnAct) {
   }
 }
 
-// A ramp down for another cause is none of its business, also where the link falls silent afterwards.
+// A ramp down for another cause is none of its business, also where the link falls silent
+// afterwards.
 TEST(SupervisionResume, OnlyASilenceResumes) {
   Story s;
   s.engaged();
@@ -120,8 +121,8 @@ TEST(SupervisionResume, TheRobotWaitsForAGoalThatStillAsks) {
   EXPECT_EQ(s.mode(), Mode::kEngaged);
 }
 
-// Only one direction is silent: the operator's box pauses, and the robot's, which hears it, goes out of
-// the engaged mode with it and comes back with it.
+// Only one direction is silent: the operator's box pauses, and the robot's, which hears it, goes
+// out of the engaged mode with it and comes back with it.
 TEST(SupervisionResume, TheRobotPausesWithTheOperator) {  // F-SUP-06
   for (const auto pause : {100ms, 500ms, 900ms}) {
     Story s(Box::kRobot);

@@ -12,7 +12,8 @@ namespace {
 using teletact::Choice;
 using teletact::ChoiceRow;
 
-// The third setting is the best of the first half and worth .02 more on the second; the second is the best there, and worse here.
+// The third setting is the best of the first half and worth .02 more on the second; the second is
+// the best there, and worse here.
 ChoiceRow planted() {
   return {"planted", "score", {{.80, .70}, {.79, .75}, {.85, .72}, {.60, .60}}};
 }

@@ -1,6 +1,6 @@
-// The fusion task against exact truth, Kinect v2 noise on: trajectory, surface, what becomes of a thing that is
-// taken away, and that a still scene stays where it is. Short variants of `teletact accuracy fusion` and `teletact
-// bench drift`.
+// The fusion task against exact truth, Kinect v2 noise on: trajectory, surface, what becomes of a
+// thing that is taken away, and that a still scene stays where it is. Short variants of `teletact
+// accuracy fusion` and `teletact bench drift`.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
-// What is left in the map of a solid that was taken away, cm^3: cells of 10 mm, inside the solid's bounding box
-// grown by 50 mm (`X_WB` its centre and axes, `half` its half edges), that hold a vertex more than 30 mm off
-// every surface of the world as it is now.
+// What is left in the map of a solid that was taken away, cm^3: cells of 10 mm, inside the solid's
+// bounding box grown by 50 mm (`X_WB` its centre and axes, `half` its half edges), that hold a
+// vertex more than 30 mm off every surface of the world as it is now.
 #pragma once
 
 #include <array>

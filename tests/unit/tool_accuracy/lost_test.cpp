@@ -1,6 +1,7 @@
-// Whether a fit is lost is told by the points off the model's surface: the same limit for every voxel size and level, since
-// it hangs on the pose and not on how noisy the model's normals are. The map is fused from a sequence; then images
-// of it are aligned from starts that are right, near and far, and the truth says which fits are right.
+// Whether a fit is lost is told by the points off the model's surface: the same limit for every
+// voxel size and level, since it hangs on the pose and not on how noisy the model's normals are.
+// The map is fused from a sequence; then images of it are aligned from starts that are right, near
+// and far, and the truth says which fits are right.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -182,7 +183,8 @@ TEST_P(Lost, IsWhatLiesOffTheSurfaceAtEveryVoxelAndLevel) {
   EXPECT_GT(all.right, 40);
   EXPECT_EQ(all.right_lost, 0);
   EXPECT_GT(all.wrong, 5);
-  // Along a bare wall a wrong fit lies on the surface too; what else tells it (leap, majority) is switched off here.
+  // Along a bare wall a wrong fit lies on the surface too; what else tells it (leap, majority) is
+  // switched off here.
   EXPECT_LE(all.wrong_kept, all.wrong / 3);
 }
 

@@ -36,7 +36,8 @@ TEST(PressError, IsThatOfTheMapAndSeesAMapThatIsOff) {
                                [&](FusionFeed& feed, const Pose& X_WM) {
                                  right = press_errors_N(feed, X_WM, world, seen, o);
                                  again = press_errors_N(feed, X_WM, world, seen, o);
-                                 // The map 2 mm too high: on the floor that is 2 N. Far away: nothing is there.
+                                 // The map 2 mm too high: on the floor that is 2 N. Far away:
+                                 // nothing is there.
                                  Pose X_off = X_WM;
                                  X_off.translation().z() += 0.002;
                                  high = press_errors_N(feed, X_off, world, on_floor, o);

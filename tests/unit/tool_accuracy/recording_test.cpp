@@ -1,4 +1,5 @@
-// teletact accuracy recording, small: which images an order holds, and that a wrong claim and a lost frame are counted.
+// teletact accuracy recording, small: which images an order holds, and that a wrong claim and a
+// lost frame are counted.
 #include "tools/measure/accuracy/recording_study.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
-// What table1 prints, by which names its figures go, and when a limit counts as met, missed or not measured.
+// What table1 prints, by which names its figures go, and when a limit counts as met, missed or not
+// measured.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -167,7 +168,8 @@ TEST(Table1, WhatWasNotRunIsNamed) {
   EXPECT_THAT(printed(r), HasSubstr("not run: recording 64^3"));
 }
 
-// Both tables, on the synthetic room. Within 0.64 m of the camera is nothing: the second one's 64 can not be tracked.
+// Both tables, on the synthetic room. Within 0.64 m of the camera is nothing: the second one's 64
+// can not be tracked.
 TEST(Table1, AShortRecordingIsMeasured) {
   std::ostringstream said;
   Table1Options options;

@@ -1,4 +1,5 @@
-// teletact accuracy weighting, small: which runs there are, that a setting reaches the tracker, and what the watch is for.
+// teletact accuracy weighting, small: which runs there are, that a setting reaches the tracker, and
+// what the watch is for.
 #include "tools/measure/accuracy/weighting_study.hpp"
 
 #include <gtest/gtest.h>

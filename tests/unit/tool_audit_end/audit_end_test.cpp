@@ -1,5 +1,5 @@
-// What a log's records can not tell, its end does: releases that a thread which had ended lost, and records
-// that found a full ring.
+// What a log's records can not tell, its end does: releases that a thread which had ended lost, and
+// records that found a full ring.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>

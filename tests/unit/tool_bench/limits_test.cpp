@@ -1,5 +1,5 @@
-// Every limit of every bench can be missed: a result that is just within all of them, and for each limit one that is just over it.
-// tool_accuracy has the same of drift, fusion and table1.
+// Every limit of every bench can be missed: a result that is just within all of them, and for each
+// limit one that is just over it. tool_accuracy has the same of drift, fusion and table1.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

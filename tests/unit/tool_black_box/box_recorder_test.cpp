@@ -1,5 +1,5 @@
-// What a stop of the demo leaves, on the virtual clock, and a box recorder by itself. The real clock's:
-// tests/fault/life_cycle.
+// What a stop of the demo leaves, on the virtual clock, and a box recorder by itself. The real
+// clock's: tests/fault/life_cycle.
 #include "tools/record/box_recorder.hpp"
 
 #include <gmock/gmock.h>

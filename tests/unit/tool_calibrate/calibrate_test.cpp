@@ -1,4 +1,5 @@
-// Calibration on stored input: the same input and the same work each time; which cached file is taken, and why not.
+// Calibration on stored input: the same input and the same work each time; which cached file is
+// taken, and why not.
 #include "tools/host/calibrate.hpp"
 
 #include <gmock/gmock.h>

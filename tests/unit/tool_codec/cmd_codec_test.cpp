@@ -1,5 +1,5 @@
-// teletact codec on a small recording: what was decoded is a recording again, lossless is exact, modes keep
-// their bound, a rate is kept, bad input is one error and leaves nothing behind.
+// teletact codec on a small recording: what was decoded is a recording again, lossless is exact,
+// modes keep their bound, a rate is kept, bad input is one error and leaves nothing behind.
 #include <gtest/gtest.h>
 
 #include <unistd.h>
@@ -202,7 +202,8 @@ TEST_F(Codec, RefusesWhatItCanNotDoAndLeavesNothing) {
   EXPECT_TRUE(fs::is_empty(root_ / "empty"));
 }
 
-// Sizes of a codec whose frames lose a tenth a step: the mean keeps to the share, and what is spare is used.
+// Sizes of a codec whose frames lose a tenth a step: the mean keeps to the share, and what is spare
+// is used.
 TEST(RateSteps, KeepsToTheShareAndComesBack) {
   drivers::RateSteps steps(1, 1, 7);
   const auto size = [](int step) { return static_cast<std::int64_t>(50000 * std::pow(0.9, step)); };

@@ -1,5 +1,5 @@
-// What no key of a scene asks for is neither built nor executed, counted where it is built and where it is executed
-// (rt/effect_count.hpp), in runs of every shipped scene.
+// What no key of a scene asks for is neither built nor executed, counted where it is built and
+// where it is executed (rt/effect_count.hpp), in runs of every shipped scene.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -59,8 +59,8 @@ Counted counted_in(const std::string& scene_file, const std::vector<std::string>
   return count(*scene, seconds);
 }
 
-// Until the hand has touched: half a second into its first press, and where it marks until a while after that, so that
-// the base drives. 1.5 s of a scene whose hand does nothing.
+// Until the hand has touched: half a second into its first press, and where it marks until a while
+// after that, so that the base drives. 1.5 s of a scene whose hand does nothing.
 struct Until {
   double seconds = 1.5;
   bool touches = false, drives = false;
@@ -134,7 +134,8 @@ TEST(Executed, OfEveryShippedSceneOnlyWhatItAsksFor) {
     auto asked = asked_by(entry.path().string());
     const auto scene = load_scene(entry.path().string(), {});
     if (name.find("recording") != std::string::npos && tests::have_recording()) {
-      // Nobody scripted the hand of `any_recording`: the program does, as in `teletact demo --rgbd`.
+      // Nobody scripted the hand of `any_recording`: the program does, as in `teletact demo
+      // --rgbd`.
       scene->rgbd_dir = tests::recording_folder();
       if (set_up_recording(startup().token(), *scene, 12).scripted)
         asked.emplace_back("device: hand");
@@ -171,7 +172,8 @@ TEST(Executed, WhatTheDefaultSceneAsksForIsExecuted) {
   EXPECT_THAT(c.ran, testing::UnorderedElementsAreArray(asked));
 }
 
-// The counts see what is there: each effect of touch and of the twins, asked for beside a scene that does not.
+// The counts see what is there: each effect of touch and of the twins, asked for beside a scene
+// that does not.
 TEST(Executed, OneThatTheSceneDoesNotAskForIsSeen) {
   const std::string file = find_config("scenes", "empty_room");
   const auto asked = asked_by(file);

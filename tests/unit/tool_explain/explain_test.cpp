@@ -1,4 +1,5 @@
-// What a scene asks for is built, and nothing else: each effect asked for alone, and every shipped scene.
+// What a scene asks for is built, and nothing else: each effect asked for alone, and every shipped
+// scene.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -94,7 +95,8 @@ TEST(Explain, AShippedSceneBuildsWhatItsFileNames) {
       EXPECT_NE(text_of(entry.path().string()).find(word), std::string::npos) << key;
     }
     for (const EffectRow* row : e.not_asked) {
-      // Walks the schema down to the key: nobody named it, or it is there with a value that asks for nothing.
+      // Walks the schema down to the key: nobody named it, or it is there with a value that asks
+      // for nothing.
       std::istringstream path(row->key);
       const config::Section* at = &scene->schema;
       std::string word;

@@ -8,7 +8,8 @@
 
 namespace {
 
-// Fusion's poses of rendered images against the twin's: those that are claimed, aligned by the first.
+// Fusion's poses of rendered images against the twin's: those that are claimed, aligned by the
+// first.
 TEST(RenderedTruth, RenderedImagesAreJudgedByTheTwin) {
   const auto scene = teletact::load_scene(teletact::find_config("scenes", "empty_room"), {});
   teletact::OperatorHalf op;

@@ -1,4 +1,5 @@
-// A script that marks a goal and does not get there is no success; a run that was cut short on purpose is not judged.
+// A script that marks a goal and does not get there is no success; a run that was cut short on
+// purpose is not judged.
 #include "tools/host/script_goal.hpp"
 
 #include <gmock/gmock.h>

@@ -170,7 +170,8 @@ TEST_F(Fuse, KnobsComeFromFileThenSetThenOptions) {
   EXPECT_LT(vertices({"--mesh-weight", "4"}), all) << "seen in four frames or more";
 }
 
-// A camera that reads 2 % too much: without the table the same poses come out larger, with it they are right.
+// A camera that reads 2 % too much: without the table the same poses come out larger, with it they
+// are right.
 TEST_F(Fuse, DepthBiasIsTakenOut) {
   const auto truth = drive(8);
   write_sequence(tests::test_room(), truth);

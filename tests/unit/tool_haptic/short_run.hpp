@@ -21,8 +21,8 @@ inline File reading(const std::string& bytes) {
   return {::fmemopen(const_cast<char*>(bytes.data()), bytes.size(), "rb"), &std::fclose};
 }
 
-// `ticks` of a slide into a concave corner. Everything that a run may hold is in it: a clutch, a tick without a
-// sample, friction.
+// `ticks` of a slide into a concave corner. Everything that a run may hold is in it: a clutch, a
+// tick without a sample, friction.
 inline std::string short_run(int ticks, const std::string& method = "constrained",
                              double friction = 0.3) {
   char* bytes = nullptr;

@@ -1,4 +1,5 @@
-// Haptic runs on disk: the same again to the last bit, the same hand through other methods, and damage.
+// Haptic runs on disk: the same again to the last bit, the same hand through other methods, and
+// damage.
 #include "tools/touch/tick_file.hpp"
 
 #include <gtest/gtest.h>
@@ -98,7 +99,8 @@ TEST(HapticRun, CutOffAnywhereIsOneLine) {
   }
 }
 
-// The run with another value of a number of [haptic]: length and text of the key, the type, the value.
+// The run with another value of a number of [haptic]: length and text of the key, the type, the
+// value.
 std::string with_number(std::string run, const std::string& key, double value) {
   const std::size_t at = run.find(std::string(1, static_cast<char>(key.size())) + '\0' + key);
   EXPECT_NE(at, std::string::npos) << key;

@@ -1,5 +1,5 @@
-// --json FILE of every command: its shape, and that docs/metrics.md has every name and its unit. The list
-// of commands is the program's own, so one without --json, or without a case here, fails.
+// --json FILE of every command: its shape, and that docs/metrics.md has every name and its unit.
+// The list of commands is the program's own, so one without --json, or without a case here, fails.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -39,7 +39,8 @@ std::pair<int, std::string> run(const std::string& words) {
   return {WIFEXITED(status) ? WEXITSTATUS(status) : 128, text};
 }
 
-// ---- docs/metrics.md -----------------------------------------------------------------------------
+// ---- docs/metrics.md
+// -----------------------------------------------------------------------------
 
 struct Documented {
   std::regex name;
@@ -111,7 +112,8 @@ std::vector<Documented> documented() {
   return all;
 }
 
-// ---- inputs --------------------------------------------------------------------------------------
+// ---- inputs
+// --------------------------------------------------------------------------------------
 
 class Folder {
  public:
@@ -317,9 +319,9 @@ TEST(Json, EveryCommandWritesIt) {
     EXPECT_TRUE(c.codes.count(code) > 0) << "exit code " << code << ": " << text;
     check(file, c, names);
   }
-  // Boxes run until they are stopped, and these answer in forms of their own: tests/fault/two_boxes,
-  // tests/unit/{tool_keys,tool_audit,tool_run}, the tests of `teletact ethercat`
-  // and, for `can`, tests/unit/tool_can.
+  // Boxes run until they are stopped, and these answer in forms of their own:
+  // tests/fault/two_boxes, tests/unit/{tool_keys,tool_audit,tool_run}, the tests of `teletact
+  // ethercat` and, for `can`, tests/unit/tool_can.
   for (const char* other :
        {"can", "ethercat", "keys", "operator", "report", "robot", "status", "twin", "youbot"})
     EXPECT_TRUE(covered.insert(other).second) << other;

@@ -1,5 +1,5 @@
-// What a command line asks for and no command does: one line that names the option, exit code 2, and no
-// file written, before anything starts.
+// What a command line asks for and no command does: one line that names the option, exit code 2,
+// and no file written, before anything starts.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>

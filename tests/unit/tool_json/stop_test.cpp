@@ -1,5 +1,5 @@
-// SIGINT and SIGTERM where no real-time task runs: a virtual run ends with the report of what ran, a
-// calibration without a file. The signal is sent at an event of the program, never after a time.
+// SIGINT and SIGTERM where no real-time task runs: a virtual run ends with the report of what ran,
+// a calibration without a file. The signal is sent at an event of the program, never after a time.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -52,8 +52,8 @@ class Stop : public testing::Test {
     ::execv(argv[0], argv.data());
     ::_exit(127);
   }
-  // Sends the signal once `event` holds; returns the exit code, 128 + the number of a signal that killed it, -1
-  // if it ended before.
+  // Sends the signal once `event` holds; returns the exit code, 128 + the number of a signal that
+  // killed it, -1 if it ended before.
   template <class Event>
   int signal_at(int signal, const Event& event) {
     int status = 0;

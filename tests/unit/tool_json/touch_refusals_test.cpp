@@ -1,4 +1,5 @@
-// What of touch and its device the program does not pretend to have: one line, exit code 2, no file.
+// What of touch and its device the program does not pretend to have: one line, exit code 2, no
+// file.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
-// The lab's CA: what it makes, with which rights, and what it refuses. `openssl verify`, where it is
-// installed, is the second opinion on certificates and lists.
+// The lab's CA: what it makes, with which rights, and what it refuses. `openssl verify`, where it
+// is installed, is the second opinion on certificates and lists.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>

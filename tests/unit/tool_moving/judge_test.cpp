@@ -1,4 +1,5 @@
-// The judge of things that move is judged: its truth against brute force, and planted faults are found.
+// The judge of things that move is judged: its truth against brute force, and planted faults are
+// found.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -24,7 +25,8 @@ PixelTruth truth_at(const MovingFilm& film, int frame, std::size_t pixel) {
   return static_cast<PixelTruth>(film.truth[static_cast<std::size_t>(frame)][pixel] & kTruthMask);
 }
 
-// What a ray through the pixel's middle says, by closed form: the box goes 10 mm a frame from frame 10 to 39.
+// What a ray through the pixel's middle says, by closed form: the box goes 10 mm a frame from frame
+// 10 to 39.
 PixelTruth brute(const drivers::World& world, const MovingSample& s, int frame, double u,
                  double v) {
   const auto k = s.camera();
@@ -116,8 +118,9 @@ TEST(MovingJudge, TheShareIsThatOfTheReadings) {
     }
     EXPECT_DOUBLE_EQ(film.share[static_cast<std::size_t>(f)], static_cast<double>(mover) / valid);
   }
-  // The face, 0.4 m square at 1.05 m, less what drops out at its edges; and the side that the camera sees of it
-  // (0.2 m aside: none). Its outline in px over all pixels; the far room has readings nearly everywhere.
+  // The face, 0.4 m square at 1.05 m, less what drops out at its edges; and the side that the
+  // camera sees of it (0.2 m aside: none). Its outline in px over all pixels; the far room has
+  // readings nearly everywhere.
   const double face_px = 0.4 / 1.05 * 182.5;
   EXPECT_NEAR(film.share[0], face_px * face_px / (256 * 212), 0.006);
   EXPECT_NEAR(film.share_most, *std::max_element(film.share.begin(), film.share.end()), 0);
@@ -231,7 +234,8 @@ TEST_F(Ghosts, APlantedOneIsCountedWhereItWasSeenFree) {
   EXPECT_EQ(count(1.05, 0.6, 89), 0);    // it was never there
   EXPECT_EQ(count(0.90, 0.2, 89), 0);    // nor there, 150 mm before it
   EXPECT_EQ(count(1.05, 0.2, 9), 0);     // not then: it is there
-  // Of y 0.2 .. 0.3 grown by 50 mm: free of it from frame 26 (0.3 m) to 36 (0.2 m) on, and ten frames more.
+  // Of y 0.2 .. 0.3 grown by 50 mm: free of it from frame 26 (0.3 m) to 36 (0.2 m) on, and ten
+  // frames more.
   EXPECT_EQ(count(1.05, 0.2, 30), 0);
   EXPECT_GE(count(1.05, 0.2, 50), 190);  // but for a reading that dropped out
 }

@@ -8,8 +8,8 @@ namespace moving_test {
 
 inline rt::Startup startup;
 
-// The box, 0.3 x 0.4 x 0.4 m, from y = 0.2 by -10 mm a frame in frames 10 .. 39, its face 1.05 m from the camera at
-// 1 m above the floor; then it rests.
+// The box, 0.3 x 0.4 x 0.4 m, from y = 0.2 by -10 mm a frame in frames 10 .. 39, its face 1.05 m
+// from the camera at 1 m above the floor; then it rests.
 inline teletact::MovingSample sliding_box(int frames = 90) {
   teletact::MovingSample s;
   s.frames = frames, s.first_moving = 10, s.last_moving = 39;

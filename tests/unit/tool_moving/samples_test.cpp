@@ -1,7 +1,8 @@
-// Twenty-four fixed samples of a thing that moves, at 20 mm: no limit of `teletact accuracy moving` is missed but those
-// listed. Every fourth has whole images and is run at the first and the last level; the others have half ones, for time,
-// and the first level alone: the last one of those would track 64 x 53 pixels. Six of them, one of each kind of mover, in
-// every run, all where TELETACT_WHOLE is set.
+// Twenty-four fixed samples of a thing that moves, at 20 mm: no limit of `teletact accuracy moving`
+// is missed but those listed. Every fourth has whole images and is run at the first and the last
+// level; the others have half ones, for time, and the first level alone: the last one of those
+// would track 64 x 53 pixels. Six of them, one of each kind of mover, in every run, all where
+// TELETACT_WHOLE is set.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -17,15 +18,18 @@
 namespace teletact {
 namespace {
 
-// What is missed today, by name: a miss that is not listed fails, and so does one that is listed and not there any more.
+// What is missed today, by name: a miss that is not listed fails, and so does one that is listed
+// and not there any more.
 struct Missed {
   int sample, level;
   const char* check;
 };
 constexpr Missed kMissed[] = {
-    // A drawer of 4 % of the image, 6.5 mm a frame from the first one on: learned as it goes at a fourth of the pixels.
+    // A drawer of 4 % of the image, 6.5 mm a frame from the first one on: learned as it goes at a
+    // fourth of the pixels.
     {16, 2, "mask_iou.share5"},
-    // An arm at 0.9 m that turns by .65 degrees a frame from the first one on: 5.2 mm above the plain run (5 allowed).
+    // An arm at 0.9 m that turns by .65 degrees a frame from the first one on: 5.2 mm above the
+    // plain run (5 allowed).
     {23, 0, "ate_mm.share30"},
     {23, 0, "ghost_cells"},
     {23, 0, "ghost_nodes"},
@@ -77,7 +81,8 @@ std::vector<int> twenty_four() {
 
 INSTANTIATE_TEST_SUITE_P(Samples, TwentyFour, ::testing::ValuesIn(twenty_four()));
 
-// Samples of other seeds that once carried the camera, or lost it, whole images. Poses alone are judged.
+// Samples of other seeds that once carried the camera, or lost it, whole images. Poses alone are
+// judged.
 struct Found {
   std::uint64_t seed;
   int sample;
@@ -102,33 +107,37 @@ TEST_P(FoundOnce, CarriesTheCameraNoMore) {
 }
 
 const std::vector<Found> kFoundOnce{
-    // A box of half of the image that creeps by 2 mm a frame: no frame contradicts odometry, ten do. 127 mm.
+    // A box of half of the image that creeps by 2 mm a frame: no frame contradicts odometry, ten
+    // do. 127 mm.
     Found{7, 6, MovingVariant::kOdometry, 20},
     // A door that is most of the image, and leaps beside what is expected of the camera. 550 mm.
     Found{51, 3, MovingVariant::kAlone, 20},
     // A drawer of 29 % that faces the camera; of the rest little more than a tenth does. 450 mm.
     Found{51, 22, MovingVariant::kAlone, 20},
-    // An arm at half a metre that has come to rest: its leverage left one direction to chance. 246 mm.
+    // An arm at half a metre that has come to rest: its leverage left one direction to chance. 246
+    // mm.
     Found{53, 5, MovingVariant::kOdometry, 20},
-    // A box of half of the image leaps by 75 mm from one frame to the next: a mean of both motions fitted all of it
-    // loosely, and nothing asked. 500 mm.
+    // A box of half of the image leaps by 75 mm from one frame to the next: a mean of both motions
+    // fitted all of it loosely, and nothing asked. 500 mm.
     Found{54, 6, MovingVariant::kAlone, 20},
     // A ball of 42 % that has come to rest: lost at 1.4 mm off, and not found again.
     Found{54, 1, MovingVariant::kOdometry, 20},
-    // A person of 40 % leaps by 98 mm a frame: what came into view met no surface, the camera was lost with its
-    // place known to half a millimetre, and not found again (claimed .341).
+    // A person of 40 % leaps by 98 mm a frame: what came into view met no surface, the camera was
+    // lost with its place known to half a millimetre, and not found again (claimed .341).
     Found{101, 116, MovingVariant::kAlone, 10, {10, 0, false}},
-    // An arm of 39 % that came to rest, and was not in the map yet: lost 2.2 mm off, and not found again (.854).
+    // An arm of 39 % that came to rest, and was not in the map yet: lost 2.2 mm off, and not found
+    // again (.854).
     Found{101, 245, MovingVariant::kOdometry, 10, {20, 2, false}},
-    // A drawer of 37 % goes out and in by 91 mm a frame: back in its place it was forgotten, and then carried the
-    // camera 466 mm. Without it one direction is hardly constrained: some frames are not claimed.
+    // A drawer of 37 % goes out and in by 91 mm a frame: back in its place it was forgotten, and
+    // then carried the camera 466 mm. Without it one direction is hardly constrained: some frames
+    // are not claimed.
     Found{101, 106, MovingVariant::kAlone, 20, {20, 2, false}, 0.5},
-    // Things of .4 and more from the first frame on: the map began with them, and their motion passed for the camera's
-    // (103 and 128 frames claimed more than 50 mm off). Unclaimed is right.
+    // Things of .4 and more from the first frame on: the map began with them, and their motion
+    // passed for the camera's (103 and 128 frames claimed more than 50 mm off). Unclaimed is right.
     Found{404, 54, MovingVariant::kAlone, 50, {20, 0, false}, 0.03},
     Found{101, 202, MovingVariant::kAlone, 50, {20, 0, false}, 0.8}};
-// Of each sort of fault one in every run: what creeps, what leaps, what came to rest at the last level, what moves from the
-// first frame on.
+// Of each sort of fault one in every run: what creeps, what leaps, what came to rest at the last
+// level, what moves from the first frame on.
 INSTANTIATE_TEST_SUITE_P(Seeds, FoundOnce,
                          ::testing::ValuesIn(tests::whole_or(kFoundOnce, {0, 4, 7, 9})));
 
@@ -155,13 +164,15 @@ TEST_P(FoundUnmasked, IsMasked) {
 INSTANTIATE_TEST_SUITE_P(
     Seeds, FoundUnmasked,
     ::testing::Values(
-        // An arm at 0.9 m that turns round: back over places that it had filled, and taken to stand.
+        // An arm at 0.9 m that turns round: back over places that it had filled, and taken to
+        // stand.
         Unseen{101, 239, 1, 0.8},
         // An arm at 1.6 m, a few coarse pixels thick: nothing of it has an inside.
         Unseen{101, 227, 0, 0.6}));
 
-// An arm of 27 % that rests before a camera that drives: its top is met at a flat angle, in other points each time, and
-// it was taken to move for ever (.020 of all still pixels, .25 of those of a frame).
+// An arm of 27 % that rests before a camera that drives: its top is met at a flat angle, in other
+// points each time, and it was taken to move for ever (.020 of all still pixels, .25 of those of a
+// frame).
 TEST(FoundOnceAtRest, IsLetGo) {
   const MovingSample sample = draw_moving_sample(moving_test::startup.token(), 54, 17);
   const MovingFilm film = film_moving(moving_test::startup.token(), sample, false);

@@ -243,8 +243,8 @@ TEST(CmdPredict, BadInputIsOneMessageAndNoFile) {
   expect_refused(f, {"--log", log, "--delay", "0.1", "--out", f.file("no/such/p.csv")}, "p.csv");
 }
 
-// Stamps are decimal: of rows 0.1 s apart the one that is a delay of 0.1 s older counts, whatever rounding makes of the
-// difference. `none` then says the row before, for every row.
+// Stamps are decimal: of rows 0.1 s apart the one that is a delay of 0.1 s older counts, whatever
+// rounding makes of the difference. `none` then says the row before, for every row.
 TEST(CmdPredict, ARowExactlyTheDelayOldCounts) {
   Folder f;
   std::string text = kHeader;
@@ -266,7 +266,8 @@ TEST(CmdPredict, ARowExactlyTheDelayOldCounts) {
   }
 }
 
-// Bad rows are left out: the rest is predicted as if they were not there, and they are counted and named.
+// Bad rows are left out: the rest is predicted as if they were not there, and they are counted and
+// named.
 TEST(CmdPredict, BadRowsAreRefusedByNameAndTheRestIsPredicted) {
   Folder f;
   const auto lines = wavy_log(false);
@@ -377,8 +378,9 @@ TEST(CmdPredict, WhereALogBeginsChangesNothing) {
     const Rows a = rows_of(f.file("near_p.csv"), kPose), b = rows_of(f.file("far_p.csv"), kPose);
     ASSERT_EQ(a.size(), b.size()) << method;
     ASSERT_GT(a.size(), 300u);
-    // A stamp of today is a double to a quarter of a microsecond: a command that acts from a sample's
-    // own instant may count a step of its integral earlier. The published model can diverge.
+    // A stamp of today is a double to a quarter of a microsecond: a command that acts from a
+    // sample's own instant may count a step of its integral earlier. The published model can
+    // diverge.
     const double near_m = std::string(method) == "paper" ? 1e-3 : 1e-4;
     for (std::size_t i = 0; i < a.size(); ++i) {
       ASSERT_NEAR(b[i][0] - kFar_s, a[i][0], 1e-6);

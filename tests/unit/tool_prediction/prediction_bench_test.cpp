@@ -28,7 +28,8 @@ JudgedMethod method(const std::string& name, bool commands = false) {
   return m;
 }
 
-// The robot does what the trace says: speed, acceleration of its reference, stops, all directions, stamps within 2 ms.
+// The robot does what the trace says: speed, acceleration of its reference, stops, all directions,
+// stamps within 2 ms.
 TEST(RobotTrace, DrivesAsItSays) {
   for (const int a : {1, 3}) {
     const MotionTrace t = robot_trace({1.0 * a, 20, false, 60, 4});
@@ -77,7 +78,8 @@ TEST(RobotTrace, TruthIsHidden) {
   EXPECT_FALSE(other.truth.back() == t.truth.back());
 }
 
-// A motion whose error is known in closed form: steady acceleration, constant_velocity is off by a h^2 / 2, none by the way.
+// A motion whose error is known in closed form: steady acceleration, constant_velocity is off by a
+// h^2 / 2, none by the way.
 TEST(Judge, ErrorsOfAMotionInClosedForm) {
   MotionTrace t;
   t.delay_min_s = t.delay_max_s = 0.2;
@@ -187,7 +189,8 @@ TEST(PredictionBench, EachLimitCanBeMissed) {
   EXPECT_NE(good.page("c").find("not measured: no folder"), std::string::npos);
 }
 
-// Without slip the wheels tell the truth; with it they are off by its share of the way, 2.5 % in the mean.
+// Without slip the wheels tell the truth; with it they are off by its share of the way, 2.5 % in
+// the mean.
 TEST(Judge, TheFloorOfSlip) {
   MotionTrace trace = robot_trace({2, 20, false, 30, 17});
   trace.delay_min_s = trace.delay_max_s = 0.2;

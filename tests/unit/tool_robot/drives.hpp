@@ -1,4 +1,5 @@
-// Drives whose truth is known: exact ones from the equations alone, and those of the plant that slips.
+// Drives whose truth is known: exact ones from the equations alone, and those of the plant that
+// slips.
 #pragma once
 
 #include <cmath>
@@ -102,7 +103,8 @@ inline RobotDrive exact_drive(const RobotModel& truth, const Twists& at, double 
   return drive;
 }
 
-// The plant's wheels slip and are worn, its encoders step; the base is driven as one that believes `stated`.
+// The plant's wheels slip and are worn, its encoders step; the base is driven as one that believes
+// `stated`.
 inline RobotDrive plant_drive(rt::NonRealtime& nrt, const drivers::RobotPlantConfig& plant_config,
                               const RobotModel& stated, const Pose& X_BC, const Twists& at,
                               double seconds, const CameraNoise& noise, std::uint64_t seed) {

@@ -154,8 +154,8 @@ void fit_slipping(std::uint64_t seed, double slip, const CameraNoise& noise, Tal
   tally.add(fit.value(), truth);
 }
 
-// A slip of 2.9 % (one standard deviation) drawn anew 120 times a wheel leaves 0.26 % of a radius in doubt, whatever the
-// estimate: no figure below can be much less.
+// A slip of 2.9 % (one standard deviation) drawn anew 120 times a wheel leaves 0.26 % of a radius
+// in doubt, whatever the estimate: no figure below can be much less.
 TEST(RobotFitNoisy, SlippingWheelsAndANoisyCamera) {
   Tally tally;
   for (std::uint64_t seed = 1; seed <= 60; ++seed)
@@ -212,7 +212,8 @@ struct Degenerate {
 TEST(RobotFitDegenerate, WhatADriveDoesNotTellIsNamedAndKept) {
   const auto sway = [](double t) { return std::sin(2 * std::numbers::pi * t / 10); };
   const std::vector<Degenerate> cases{
-      // A camera that looks aside and wheels that crab are one: yaw and the diagonals need two directions, or a turn.
+      // A camera that looks aside and wheels that crab are one: yaw and the diagonals need two
+      // directions, or a turn.
       {"straight",
        [&](double t) {
          return Twist2{0.25 * sway(t), 0, 0};
@@ -225,7 +226,8 @@ TEST(RobotFitDegenerate, WhatADriveDoesNotTellIsNamedAndKept) {
        },
        "mean wheel radius, radii left against right, radii diagonally, lever of the turn, sideways "
        "slide, camera x, camera y, camera height, camera pitch and camera yaw"},
-      // The point about which it turns is the wheels' word, and where the camera is counts from there.
+      // The point about which it turns is the wheels' word, and where the camera is counts from
+      // there.
       {"turning",
        [&](double t) {
          return Twist2{0, 0, 0.5 * sway(t)};

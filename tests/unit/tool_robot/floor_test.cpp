@@ -1,4 +1,5 @@
-// The floor of a rendered image tells how the camera is mounted, and what is no floor tells nothing.
+// The floor of a rendered image tells how the camera is mounted, and what is no floor tells
+// nothing.
 #include <gtest/gtest.h>
 
 #include <cstdio>

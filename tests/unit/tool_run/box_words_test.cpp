@@ -234,7 +234,8 @@ TEST(BoxStatus, IsReadThroughASocketOfItsUserAlone) {
   box.join();
 }
 
-// What a box that was killed leaves behind is taken over; a folder that others may enter is not used.
+// What a box that was killed leaves behind is taken over; a folder that others may enter is not
+// used.
 TEST(BoxStatus, StaleSocketsAndOpenFolders) {
   const Folder f;
   const std::string path = f.path + "/teletact/operator.sock";

@@ -1,4 +1,5 @@
-// Forces come back with an act of a person, never by the passing of time; a simulated person acts by time.
+// Forces come back with an act of a person, never by the passing of time; a simulated person acts
+// by time.
 #include "tools/touch/force_act.hpp"
 
 #include <gtest/gtest.h>

@@ -138,7 +138,8 @@ TEST(NetworkLink, TwoHundredConnectionsLeaveNothingBehind) {
   EXPECT_GE(least, 6000U - 10 * 100U);
 }
 
-// Ten minutes on a road that is stalled for most of the time, then cut: what it holds stays bounded.
+// Ten minutes on a road that is stalled for most of the time, then cut: what it holds stays
+// bounded.
 TEST(NetworkLink, WhatItHoldsDoesNotGrow) {
   NetworkConfig c;
   c.delay_ms = 75;

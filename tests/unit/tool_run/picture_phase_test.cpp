@@ -19,8 +19,8 @@ using teletact::PicturePhase;
 
 constexpr std::int64_t kMs = 1'000'000, kPeriod = 33'333'333;
 
-// Picture k is exposed at k T and arrives `way` and jitter later, in order; the cell keeps the newest;
-// fusion looks at a phase that only what the product asks for moves.
+// Picture k is exposed at k T and arrives `way` and jitter later, in order; the cell keeps the
+// newest; fusion looks at a phase that only what the product asks for moves.
 struct Pictures {
   rt::Random random;
   std::int64_t way = 110 * kMs, jitter = 6 * kMs, drift_ppm = 0;

@@ -31,7 +31,8 @@ struct Halves {
   RobotHalf robot;
 };
 
-// 20 s: 30 pictures a second of which fusion takes all, in contact from 10 s on, .5 m a second driven.
+// 20 s: 30 pictures a second of which fusion takes all, in contact from 10 s on, .5 m a second
+// driven.
 Halves halves_of_run() {
   Halves r;
   r.op.epoch_ns = r.robot.epoch_ns = kEpoch;

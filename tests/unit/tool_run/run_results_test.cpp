@@ -56,8 +56,8 @@ rt::JobRecord& add_job(rt::TaskLog& t, std::uint64_t k, std::int64_t wait, std::
   return t.jobs.back();
 }
 
-// 100 jobs; job 10 overruns by itself over 11 and 12, the platform delays job 50, and after the last
-// record the totals know of three more dropped releases.
+// 100 jobs; job 10 overruns by itself over 11 and 12, the platform delays job 50, and after the
+// last record the totals know of three more dropped releases.
 OperatorHalf known_run() {
   OperatorHalf op;
   rt::TaskLog t = haptic_log();
@@ -231,7 +231,8 @@ TEST(RunResults, AllocationsOfFirmTasksAreCountedAJobAndThoseOfHardOnesTogether)
   EXPECT_EQ(value(m, "hard.allocations"), 4);
 }
 
-// Three of the dropped releases came when the haptic thread had ended; seven records found a full ring.
+// Three of the dropped releases came when the haptic thread had ended; seven records found a full
+// ring.
 TEST(RunResults, WhatAThreadThatEndedLostIsItsOwnAndLostRecordsAreCounted) {
   OperatorHalf op = known_run();
   RobotHalf robot;
@@ -248,8 +249,8 @@ TEST(RunResults, WhatAThreadThatEndedLostIsItsOwnAndLostRecordsAreCounted) {
   EXPECT_EQ(value(m, "audit.dropped"), 7);
 }
 
-// A base that creeps along x at 0.1 m/s by the twin and at 0.11 by its wheels: two arrivals, between two looks of the
-// console, on a clock that is 1000 s ahead and fast.
+// A base that creeps along x at 0.1 m/s by the twin and at 0.11 by its wheels: two arrivals,
+// between two looks of the console, on a clock that is 1000 s ahead and fast.
 TEST(RunResults, ArrivalsAreJudgedByTheTwinAtTheirInstant) {
   OperatorHalf op;
   RobotHalf robot;
@@ -279,7 +280,8 @@ TEST(RunResults, ArrivalsAreJudgedByTheTwinAtTheirInstant) {
   EXPECT_FALSE(teletact::true_base_at(robot, rt::time_from_ns(-1))) << "before it";
 }
 
-// What a method does that a surface does not: a step of the force that the hand did not make, and a proxy on the other side.
+// What a method does that a surface does not: a step of the force that the hand did not make, and a
+// proxy on the other side.
 TEST(RunResults, JumpsAndFlipsAreCountedInContactOnly) {
   OperatorHalf op;
   const auto tick = [&](bool contact, float hand_z, float proxy_z, float step_raw_N) {

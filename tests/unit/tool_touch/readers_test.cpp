@@ -11,7 +11,8 @@ namespace {
 
 using touch_files::npy_bytes;
 
-// The points that force_shading stands on lie on the surface that the field samples, with its normal.
+// The points that force_shading stands on lie on the surface that the field samples, with its
+// normal.
 TEST(ViewCast, PointsLieOnAPlaneHoweverItIsSeen) {
   using teletact::cast_view;
   const perception::Vec3 n = perception::Vec3(0.3, -0.2, 0.93).normalized(), c(0.12, 0.12, 0.12);

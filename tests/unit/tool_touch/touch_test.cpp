@@ -84,7 +84,8 @@ TEST_F(Touch, ListedFieldsReplaceEachOtherSmoothly) {
   for (std::size_t i = 1; i < r.size(); ++i) EXPECT_LE(std::abs(r[i][9] - r[i - 1][9]), 0.3 + 1e-6);
 }
 
-// A field a millisecond: the windows that the task blends stay as they are, and the newest pending one wins.
+// A field a millisecond: the windows that the task blends stay as they are, and the newest pending
+// one wins.
 TEST_F(Touch, FieldsFasterThanTheBlendAreNotWrittenOver) {
   std::string list = "t_s,file\n";
   char line[64];
@@ -111,8 +112,8 @@ TEST_F(Touch, FieldsFasterThanTheBlendAreNotWrittenOver) {
     EXPECT_GE(at, 0) << name;
     return table.value().number(row, static_cast<std::size_t>(at)).value();
   };
-  // Between two fixed windows the force of a resting hand goes linearly with the blend; a window written over in the
-  // middle of it bends that.
+  // Between two fixed windows the force of a resting hand goes linearly with the blend; a window
+  // written over in the middle of it bends that.
   int blends = 0, inside = 0;
   for (std::size_t i = 302; i < 700; ++i) {
     const double s0 = column("blend", i - 2), s1 = column("blend", i - 1), s2 = column("blend", i);
@@ -268,7 +269,8 @@ TEST_F(Touch, AViewThatSeesNothingIsSaid) {
   EXPECT_EQ(run(args), 0);
 }
 
-// The clutch is held while the device goes back over the floor: the scene's hand waits, and goes on from there.
+// The clutch is held while the device goes back over the floor: the scene's hand waits, and goes on
+// from there.
 TEST_F(Touch, ClutchColumnMovesTheWorkspace) {
   std::ostringstream out;
   out << "t_s,x,y,z,clutch\n";

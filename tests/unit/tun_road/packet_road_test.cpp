@@ -62,7 +62,8 @@ TEST(PacketRoad, WithoutAKeyEachPacketPassesAtOnce) {
   }
 }
 
-// 12 Mbit/s offered on 10: the queue fills, then each packet waits for all of it, and a sixth is dropped.
+// 12 Mbit/s offered on 10: the queue fills, then each packet waits for all of it, and a sixth is
+// dropped.
 TEST(PacketRoad, ABottleneckCarriesItsRateAndDropsWhatDoesNotFit) {
   RoadConfig c;
   c.network.rate_Mbit_per_s = 10;

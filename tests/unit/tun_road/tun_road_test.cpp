@@ -1,5 +1,5 @@
-// The program between two namespaces: real TCP meets the rate, the delay and the loss that were asked
-// for, by the road's own count. Where the rights lack, skipped with the reason.
+// The program between two namespaces: real TCP meets the rate, the delay and the loss that were
+// asked for, by the road's own count. Where the rights lack, skipped with the reason.
 #include "tools/measure/tun_road/tun_road.hpp"
 
 #include <arpa/inet.h>

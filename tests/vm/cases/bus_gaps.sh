@@ -1,4 +1,5 @@
-# The chain is silent for 50 ms: the wheels turn on. Then for 200 ms: stopped, and so it stays until somebody acts.
+# The chain is silent for 50 ms: the wheels turn on. Then for 200 ms: stopped, and so it stays until
+# somebody acts.
 bus_up
 chain_up --gap-ms 50 --long-gap-ms 200
 rm -f /tmp/gate.*

@@ -1,5 +1,6 @@
-# One frame in a hundred lost by netem: each is counted, and nothing else happens. In the first half of the time on its
-# way to the chain, in the second one in a hundred of the replies too: of those the slaves have taken the setpoints.
+# One frame in a hundred lost by netem: each is counted, and nothing else happens. In the first half
+# of the time on its way to the chain, in the second one in a hundred of the replies too: of those
+# the slaves have taken the setpoints.
 bus_up
 half=$(awk "BEGIN {print $BUS_SECONDS / 2}")
 for end in veth0 veth1; do tc qdisc add dev $end root netem limit 1000; done
@@ -27,8 +28,9 @@ holds "every loss counted, none more" "$(value /tmp/bus ethercat.lost_in_all) ==
 tc qdisc change dev veth0 root netem limit 1000
 chain_down
 
-# A reply that is lost behind the chain costs its computing, on this one processor, before the master's patience begins:
-# two in one job end 0.1 ms too late. Of a job's two frames both are lost in 4 of 10,000 jobs.
+# A reply that is lost behind the chain costs its computing, on this one processor, before the
+# master's patience begins: two in one job end 0.1 ms too late. Of a job's two frames both are lost
+# in 4 of 10,000 jobs.
 chain_up
 lose_from_gate_on veth0 veth1
 tell /tmp/replies under replies vm_master --gate /tmp/gate --iface veth0 --expect run --timed no --seconds "$half"

@@ -1,4 +1,5 @@
-# The emergency stop from the kernel's edge to the frame on the wire, and every other line of docs/gpio.md, on a simulated chip.
+# The emergency stop from the kernel's edge to the frame on the wire, and every other line of
+# docs/gpio.md, on a simulated chip.
 bus_up
 chain_up --kind base --long-gap-ms 250
 mount -t configfs configfs /sys/kernel/config 2> /dev/null
@@ -7,8 +8,8 @@ mkdir -p $sim/bank
 echo 8 > $sim/bank/num_lines
 echo 1 > $sim/live
 chip=$(cat $sim/bank/chip_name)
-# What stands for a GPIO interrupt, and the threads that the kernel makes of it: below robot_io they would tell of an edge when
-# its job has ended.
+# What stands for a GPIO interrupt, and the threads that the kernel makes of it: below robot_io they
+# would tell of an edge when its job has ended.
 raise() {
   for thread in $(ps -o pid,comm | awk -v name="$1" '$2 ~ name {print $1}'); do chrt -f -p 93 "$thread" > /dev/null; done
 }

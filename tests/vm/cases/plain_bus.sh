@@ -1,4 +1,5 @@
-# Two processors, true concurrency, the host's clock: nothing is judged by time, the books must balance.
+# Two processors, true concurrency, the host's clock: nothing is judged by time, the books must
+# balance.
 bus_up
 chain_up
 tell /tmp/bus vm_master --iface veth0 --expect books --seconds "$PLAIN_SECONDS" --timed no --reply-us 500000 \

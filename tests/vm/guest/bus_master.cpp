@@ -1,5 +1,5 @@
-// robot_io on the product's executor: one job a millisecond drives a youBot with an arm, five joints
-// held, behind a network interface. Supervision and the operator are played (Operator).
+// robot_io on the product's executor: one job a millisecond drives a youBot with an arm, five
+// joints held, behind a network interface. Supervision and the operator are played (Operator).
 //
 //   vm_master --iface IF --expect run|gaps|books|damage [--seconds S] [--act-at S] [--reply-us US]
 //             [--watchdog-ms MS] [--timed no] [--gate PATH] [--check none|refuse|count]

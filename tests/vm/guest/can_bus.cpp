@@ -97,7 +97,8 @@ void Story::healthy() {
     age = std::max(age, driver_.job(i).age_ns);
     cpu.push_back(1e-3 * static_cast<double>(driver_.job(i).cpu_ns));
   }
-  // A position is asked for every fourth turn of three a job: nine jobs, and what a job begins late.
+  // A position is asked for every fourth turn of three a job: nine jobs, and what a job begins
+  // late.
   check("positions are as young as is said", age <= 9'200'000, text(age / 1000) + " us");
   std::sort(cpu.begin(), cpu.end());
   vm::figure("can.age_max_us", 1e-3 * static_cast<double>(age), "us");

@@ -37,7 +37,8 @@ bus_up() {
   raise_card
 }
 
-# The thread that carries frames from one socket of the guest to another stands for the card's interrupt.
+# The thread that carries frames from one socket of the guest to another stands for the card's
+# interrupt.
 raise_card() {
   for thread in $(ps -o pid,comm | awk '$2 ~ /^backlog_napi/ {print $1}'); do chrt -f -p 91 "$thread" > /dev/null; done
 }

@@ -1,7 +1,7 @@
 // The haptic devices on the guest's USB (vhci_hcd), through libusb and the product's own code: what
 // is found, what is said of a device that this user may not open, of one that is pulled out and put
-// back. The Falcon is its twin behind the kernel's USB, driven by the product's driver; of the Omega
-// there is what the kernel sees of it, as its driver is the vendor's.
+// back. The Falcon is its twin behind the kernel's USB, driven by the product's driver; of the
+// Omega there is what the kernel sees of it, as its driver is the vendor's.
 //
 //   vm_usb_devices
 //

@@ -39,7 +39,8 @@ bool read_all(int fd, void* into, std::size_t size) {
 }  // namespace
 
 // 48 bytes, each word with its most significant byte first; what is behind `endpoint` depends on
-// the command: of a submit flags, length, three words of isochronous transfers and the setup packet.
+// the command: of a submit flags, length, three words of isochronous transfers and the setup
+// packet.
 struct UsbPlug::Header {
   std::uint32_t command, seq, device, direction, endpoint;
   std::uint32_t word[5];

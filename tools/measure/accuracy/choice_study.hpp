@@ -4,7 +4,8 @@
 // on the odd images and on the even ones. A choice on one half has not seen the other half; its
 // result there shows what a choice on such data is worth. The default was chosen with an eye on
 // both halves. It must not be worse than that, and if it were much better it would be overfitted.
-//   images, segmentations    whole images against people (bench table2): PRI - GCE - VOI / 10 bit - BDE / 100 px
+//   images, segmentations    whole images against people (bench table2): PRI - GCE - VOI / 10 bit -
+//                            BDE / 100 px
 //   rgb, depth, label        one touch (bench segmentation): mean IoU
 #pragma once
 

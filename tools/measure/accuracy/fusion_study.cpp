@@ -76,7 +76,8 @@ StudyRow row_of(const std::string& data, const Knobs& k) {
   return row;
 }
 
-// The voxel's size; of `every` knob one after the other, the pixel step at twice the voxel too, where it buys most.
+// The voxel's size; of `every` knob one after the other, the pixel step at twice the voxel too,
+// where it buys most.
 std::vector<Knobs> settings(const FusionStudyOptions& o, bool every) {
   std::vector<Knobs> all;
   const auto add = [&](const Knobs& k) {

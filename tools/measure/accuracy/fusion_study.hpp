@@ -1,12 +1,15 @@
-// teletact accuracy fusion: error of the fusion task against its CPU time, over voxel size, ICP iterations and
-// pixel step, on synthetic scenes with exact truth (scenes.hpp) and on a recording with poses.
+// teletact accuracy fusion: error of the fusion task against its CPU time, over voxel size, ICP
+// iterations and pixel step, on synthetic scenes with exact truth (scenes.hpp) and on a recording
+// with poses.
 //
 //   ate_mm      RMS translation error over claimed frames, aligned by the first claimed pose
 //   worst_mm    the largest of them
 //   claimed     share of the frames
-//   surface_*   distance of the mesh's vertices to the true solids, poses as estimated (surface_error.hpp)
+//   surface_*   distance of the mesh's vertices to the true solids, poses as estimated
+//               (surface_error.hpp)
 //   true_*      the same of a map that was given the true poses
-//   cpu_ms      thread CPU of a frame from decoded images to pose, patch and cost map; median from frame 10 on
+//   cpu_ms      thread CPU of a frame from decoded images to pose, patch and cost map; median from
+//               frame 10 on
 #pragma once
 
 #include <functional>
@@ -27,9 +30,10 @@ struct FusionRun {
   std::int64_t blocks_refused = 0;
   perception::Mesh mesh;  // in the frame of the truth; without one in the first camera's
 };
-// The task over the sequence. Its map is in the frame of the first camera, as that of `teletact fuse`: no wall
-// lies along the voxels' grid, where noise would show less than it is. Without a truth the errors are NaN.
-// `at_end`: is shown the task with all its images seen, and its map's frame in that of the truth.
+// The task over the sequence. Its map is in the frame of the first camera, as that of `teletact
+// fuse`: no wall lies along the voxels' grid, where noise would show less than it is. Without a
+// truth the errors are NaN. `at_end`: is shown the task with all its images seen, and its map's
+// frame in that of the truth.
 using FusionAtEnd = std::function<void(FusionFeed& feed, const perception::Pose& X_WM)>;
 [[nodiscard]] FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
                                    const tasks::FusionConfig& config,
@@ -57,8 +61,8 @@ struct FusionStudyOptions {
 // Throws std::runtime_error on an unknown scene or a recording without poses.
 [[nodiscard]] Study study_fusion(std::ostream& progress, const FusionStudyOptions& options);
 
-// Figures of a row that were measured; the trajectory's error only with a claimed share of at least 0.98: what a
-// tracker loses costs it nothing.
+// Figures of a row that were measured; the trajectory's error only with a claimed share of at least
+// 0.98: what a tracker loses costs it nothing.
 [[nodiscard]] std::vector<BenchMetric> counted_figures(const StudyRow& row);
 
 }  // namespace teletact

@@ -1,9 +1,11 @@
 // The images of a moving sample with the truth of every pixel, and the same film without the mover.
 //
-//   moving   a pixel of the mover, a point of which was displaced by at least max(50 mm, 6 sigma of a reading there) since
-//            it last rested (not moved for 20 frames), or since the first frame
-//   either   no reading; the mover before it is displaced so far; its lowest 30 mm; the third of a door next to its
-//            hinge; the 20 frames after it has come to rest: neither counted for nor against a mask
+//   moving   a pixel of the mover, a point of which was displaced by at least max(50 mm, 6 sigma of
+//            a reading there) since it last rested (not moved for 20 frames), or since the first
+//            frame
+//   either   no reading; the mover before it is displaced so far; its lowest 30 mm; the third of a
+//            door next to its hinge; the 20 frames after it has come to rest: neither counted for
+//            nor against a mask
 //   still    the place, and the mover at rest
 #pragma once
 
@@ -25,7 +27,8 @@ class MoverTruth {
   MoverTruth(const drivers::World& world, const MovingSample& sample);
   [[nodiscard]] PixelTruth of(const perception::Vec3& p_W, double depth_m, int shape,
                               int frame) const;
-  // Frames since it moved last, this one counted; 0: it moves. Before its motion: as after a long rest.
+  // Frames since it moved last, this one counted; 0: it moves. Before its motion: as after a long
+  // rest.
   [[nodiscard]] int still_for(int frame) const;
 
  private:

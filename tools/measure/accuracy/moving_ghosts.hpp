@@ -18,23 +18,26 @@ class MovingGhosts {
   // all frames are claimed.
   void claimed(int frame, bool claimed) { claimed_[static_cast<std::size_t>(frame)] = claimed; }
 
-  // cm^3: cells of 10 mm that hold a vertex more than 30 mm off every true surface at this frame, in the volume
-  // swept so far grown by 50 mm, at a place that was seen free in 10 frames since the mover left it (a reading of the
-  // nearest pixel at least 50 mm behind it). `mesh` in T, the frame of the map; X_WT its truth.
+  // cm^3: cells of 10 mm that hold a vertex more than 30 mm off every true surface at this frame,
+  // in the volume swept so far grown by 50 mm, at a place that was seen free in 10 frames since the
+  // mover left it (a reading of the nearest pixel at least 50 mm behind it). `mesh` in T, the frame
+  // of the map; X_WT its truth.
   [[nodiscard]] double volume_cm3(const perception::Mesh& mesh, const perception::Pose& X_WT,
                                   int frame) const;
-  // Occupied cells of the cost map with nothing true in their column (0.05 to 1.05 m, 100 mm round their middle),
-  // where the mover was, and all of where it was in the column was seen free as above.
+  // Occupied cells of the cost map with nothing true in their column (0.05 to 1.05 m, 100 mm round
+  // their middle), where the mover was, and all of where it was in the column was seen free as
+  // above.
   [[nodiscard]] int cost_cells(const perception::CostMap& map, const perception::Pose& X_WT,
                                int frame) const;
-  // Solid nodes of the windows that a hand would be given where the mover was, every 10th frame until this one: more
-  // than 30 mm off every true surface, at a place that was seen free as above.
+  // Solid nodes of the windows that a hand would be given where the mover was, every 10th frame
+  // until this one: more than 30 mm off every true surface, at a place that was seen free as above.
   [[nodiscard]] int window_nodes(const perception::TsdfMap& map, const perception::Pose& X_WT,
                                  int frame) const;
   // Share of the mover's seen surface that has a vertex within `reach_m`. NaN: hardly to be seen.
   [[nodiscard]] double mover_in_mesh(const perception::Mesh& mesh, const perception::Pose& X_WT,
                                      int frame, double reach_m) const;
-  // Share of the mover's seen points in the robot's height that lie in or beside an occupied cell. NaN: too few.
+  // Share of the mover's seen points in the robot's height that lie in or beside an occupied cell.
+  // NaN: too few.
   [[nodiscard]] double mover_in_cost(const perception::CostMap& map, const perception::Pose& X_WT,
                                      int frame) const;
 

@@ -20,8 +20,8 @@ double log_uniform(rt::Random& rng, double lo, double hi) {
   return lo * std::exp(rng.uniform() * std::log(hi / lo));
 }
 
-// Peak speeds of the sines stay below 0.25 m/s and 15 deg/s together; the axes of the turns are not quite at right
-// angles.
+// Peak speeds of the sines stay below 0.25 m/s and 15 deg/s together; the axes of the turns are not
+// quite at right angles.
 CameraWay draw_way(rt::Random& rng, Carry carry) {
   CameraWay way;
   way.eye_W = {rng.uniform(-0.3, 0.1), rng.uniform(-0.3, 0.3), rng.uniform(0.85, 1.45)};
@@ -54,7 +54,8 @@ CameraWay draw_way(rt::Random& rng, Carry carry) {
   return way;
 }
 
-// Way (m or degrees) of the mover at a frame, from `first` - 1 on with `step`, back and forth over `length`.
+// Way (m or degrees) of the mover at a frame, from `first` - 1 on with `step`, back and forth over
+// `length`.
 std::vector<std::pair<int, double>> progress(const MovingPlan& p, int first, double length,
                                              int& last) {
   std::vector<std::pair<int, double>> at{{first - 1, 0.0}};

@@ -1,4 +1,5 @@
-// The drawn numbers of a sample, before it is known how large its mover has to be. Internal to moving_*.cpp.
+// The drawn numbers of a sample, before it is known how large its mover has to be. Internal to
+// moving_*.cpp.
 #pragma once
 
 #include "tools/measure/accuracy/moving_sample.hpp"

@@ -8,8 +8,8 @@
 
 namespace teletact {
 
-// plain: the same way without the mover. Odometry: none; the truth with an error inside the shares that [fusion]
-// states; a lie (still while the camera moves, or the reverse of its motion).
+// plain: the same way without the mover. Odometry: none; the truth with an error inside the shares
+// that [fusion] states; a lie (still while the camera moves, or the reverse of its motion).
 enum class MovingVariant : std::uint8_t { kPlain, kAlone, kOdometry, kLying };
 [[nodiscard]] const char* name_of(MovingVariant v);
 // Is there such a run? A camera at rest can not be lied about in these ways.

@@ -1,15 +1,18 @@
 // A place in which one thing moves, drawn from a seed (teletact accuracy moving).
 //
-//   place     one of three rooms, furnished differently, with drawn furniture; what stands in the way of the mover or
-//             of the camera is left out. The static rest of the image constrains every direction in every frame: the
-//             point-to-plane information of its pixels with their true normals (perception/icp/degeneracy.hpp) passes
-//             at three times the tracker's limit, or all is drawn anew
-//   mover     a box, a ball, a person (cylinder with a head), a door on a post, a drawer of a cabinet, an arm of two or
-//             three links; 0.5 to 3 m from the camera to its face
-//   share     valid pixels of the mover / valid pixels, the largest of the run; half of the samples .02 to .30, half
-//             .30 to .60. The mover's size is found by bisection on the rendered truth; at most 2 m
-//   motion    2 to 100 mm or 0.5 to 5 degrees a frame, from frame 60 on or from the first; then it goes out of view, comes
-//             to rest for 45 frames and more, or goes back and forth to the end
+//   place     one of three rooms, furnished differently, with drawn furniture; what stands in the
+//             way of the mover or of the camera is left out. The static rest of the image
+//             constrains every direction in every frame: the point-to-plane information of its
+//             pixels with their true normals (perception/icp/degeneracy.hpp) passes at three times
+//             the tracker's limit, or all is drawn anew
+//   mover     a box, a ball, a person (cylinder with a head), a door on a post, a drawer of a
+//             cabinet, an arm of two or three links; 0.5 to 3 m from the camera to its face
+//   share     valid pixels of the mover / valid pixels, the largest of the run; half of the samples
+//             .02 to .30, half .30 to .60. The mover's size is found by bisection on the rendered
+//             truth; at most 2 m
+//   motion    2 to 100 mm or 0.5 to 5 degrees a frame, from frame 60 on or from the first; then it
+//             goes out of view, comes to rest for 45 frames and more, or goes back and forth to the
+//             end
 //   camera    at rest, carried by hand (at most 0.25 m/s and 15 deg/s), or driving slowly
 #pragma once
 
@@ -84,17 +87,19 @@ struct MovingSample {
 [[nodiscard]] drivers::DepthNoiseConfig moving_noise();
 inline constexpr double kMovingNear_m = 0.4, kMovingFar_m = 5.0;
 
-// Sample `index` of a seed: kinds and halves of the share take turns. Throws std::runtime_error if none could be
-// drawn (that is a fault of the drawing).
+// Sample `index` of a seed: kinds and halves of the share take turns. Throws std::runtime_error if
+// none could be drawn (that is a fault of the drawing).
 [[nodiscard]] MovingSample draw_moving_sample(rt::NonRealtime& nrt, std::uint64_t seed, int index);
 
 // One of the three rooms with drawn furniture.
 [[nodiscard]] drivers::WorldConfig draw_room(rt::Random& rng, std::string& name);
 
-// Share of the mover's pixels among those with a reading, without noise, every `pixel_step`-th pixel, in a frame.
+// Share of the mover's pixels among those with a reading, without noise, every `pixel_step`-th
+// pixel, in a frame.
 [[nodiscard]] double mover_share(const drivers::World& world, const MovingSample& sample, int frame,
                                  int pixel_step);
-// Does what stands still in this frame constrain all six directions, by three times the tracker's limit?
+// Does what stands still in this frame constrain all six directions, by three times the tracker's
+// limit?
 [[nodiscard]] bool rest_constrains(const drivers::World& world, const MovingSample& sample,
                                    int frame);
 

@@ -1,6 +1,7 @@
-// teletact accuracy moving: seeded samples of a place in which one thing moves, each run without odometry, with it, and
-// with odometry that lies; claims, error, mask and map against the truth, with the limits that they have to keep.
-// docs/moving_judge.md says what is drawn and what each figure means.
+// teletact accuracy moving: seeded samples of a place in which one thing moves, each run without
+// odometry, with it, and with odometry that lies; claims, error, mask and map against the truth,
+// with the limits that they have to keep. docs/moving_judge.md says what is drawn and what each
+// figure means.
 #pragma once
 
 #include <ostream>
@@ -71,7 +72,8 @@ struct MovingStudy {
                                                 const MovingOptions& options, std::ostream* said);
 [[nodiscard]] MovingStudy study_moving(std::ostream& progress, const MovingOptions& options);
 
-// Still pixels masked in the five scenes of teletact accuracy fusion, where nothing moves. At most .002.
+// Still pixels masked in the five scenes of teletact accuracy fusion, where nothing moves. At most
+// .002.
 struct StaticMask {
   std::string scene;
   double masked = 0, claimed = 0, ate_mm = 0;

@@ -1,8 +1,8 @@
 // teletact accuracy recording: does tracking work on a recording from any first frame and in both
 // directions?
 //
-//   forwards, backwards, every second frame; begun at frame 1, 21, 41 ... of that order; voxels of 20 and 10 mm
-//   voxels of 20 to 5 mm at the levels 0 to 2 of fusion, forwards from the first frame
+//   forwards, backwards, every second frame; begun at frame 1, 21, 41 ... of that order; voxels of
+//   20 and 10 mm voxels of 20 to 5 mm at the levels 0 to 2 of fusion, forwards from the first frame
 //
 // A pose is compared with the recording's own, aligned by the first claimed one. It is wrong if it
 // is claimed and more than `wrong_mm` off. A frame that is not claimed is reported, and is not

@@ -1,5 +1,6 @@
-// teletact accuracy segmentation: error of one touch (1 - mean IoU) against thread CPU, over the knobs of the
-// touch segmentation, on folders of RGB-D frames with true masks (tools/measure/bench/table2/touches.hpp).
+// teletact accuracy segmentation: error of one touch (1 - mean IoU) against thread CPU, over the
+// knobs of the touch segmentation, on folders of RGB-D frames with true masks
+// (tools/measure/bench/table2/touches.hpp).
 #pragma once
 
 #include <cstdint>

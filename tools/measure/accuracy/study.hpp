@@ -40,7 +40,8 @@ struct Study {
 
   // name.data.setting.figure; figures that were not measured are left out.
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
-  // A block a data set; the default is marked with *, settings on the front of its first plot with +.
+  // A block a data set; the default is marked with *, settings on the front of its first plot with
+  // +.
   void print(std::ostream& out) const;
   // Throws std::runtime_error when a folder or file can not be written. Returns the files.
   std::vector<std::string> write_plots(const std::string& folder) const;
@@ -48,8 +49,8 @@ struct Study {
 
 [[nodiscard]] std::string study_svg(const Study& study, const StudyPlot& plot);
 
-// Indices of the points that no other one beats: none is at most as large in both and smaller in one.
-// By rising cost. Points that are not finite are on no front.
+// Indices of the points that no other one beats: none is at most as large in both and smaller in
+// one. By rising cost. Points that are not finite are on no front.
 [[nodiscard]] std::vector<std::size_t> pareto_front(std::span<const double> cost,
                                                     std::span<const double> error);
 

@@ -2,9 +2,9 @@
 //
 //   error         of a vertex: distance to the nearest surface of the world, |World::signed_distance|. All
 //                 vertices count, none is trimmed
-//   completeness  share of the true surface that has a vertex within 10 mm. The true surface: points where a
-//                 ray of some frame meets it, one a cell of 40 mm of each solid, of those that at least 5
-//                 frames see (no solid in between) at 0.4 to 3.5 m
+//   completeness  share of the true surface that has a vertex within 10 mm. The true surface:
+//                 points where a ray of some frame meets it, one a cell of 40 mm of each solid, of
+//                 those that at least 5 frames see (no solid in between) at 0.4 to 3.5 m
 #pragma once
 
 #include <cstddef>

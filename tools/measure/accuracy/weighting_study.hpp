@@ -1,17 +1,22 @@
-// teletact accuracy weighting: what the weights of the readings in the tracker's least squares cost and buy, with the watch
-// for moving things and without it. Settings of fusion.tracker.noise_m, noise_per_m2, noise_from_m:
+// teletact accuracy weighting: what the weights of the readings in the tracker's least squares cost
+// and buy, with the watch for moving things and without it. Settings of fusion.tracker.noise_m,
+// noise_per_m2, noise_from_m:
 //
 //   uniform   per_m2 0: every reading the same
-//   noise     1.5 mm + 1.9 mm/m2 (z - 0.4 m)^2: what a structured-light camera's readings scatter by
+//   noise     1.5 mm + 1.9 mm/m2 (z - 0.4 m)^2: what a structured-light camera's readings scatter
+//             by
 //   default   the product's
 //   steep     1.5 mm + 8 mm/m2 (z - 1.2 m)^2
 //
-// The default was chosen on the scene `room` and on the recording as it goes; a data set's name says so (chosen_*). All others
-// (unseen_*: the recording backwards, other scenes, samples of things that move with a seed of their own) had no part
-// in it. The rule also tells which points are on the model's surface, so that a setting changes what counts as lost.
+// The default was chosen on the scene `room` and on the recording as it goes; a data set's name
+// says so (chosen_*). All others (unseen_*: the recording backwards, other scenes, samples of
+// things that move with a seed of their own) had no part in it. The rule also tells which points
+// are on the model's surface, so that a setting changes what counts as lost.
 //
-//   ate_mm, worst_mm, claimed, cpu_ms   as in fusion_study.hpp; of moving samples the median, the largest, the mean, the mean
-//   wrong                               of moving samples: those with a claim more than 20 mm off, above a share of .30 50 mm
+//   ate_mm, worst_mm, claimed, cpu_ms   as in fusion_study.hpp; of moving samples the median, the
+//                                       largest, the mean, the mean
+//   wrong                               of moving samples: those with a claim more than 20 mm off,
+//                                       above a share of .30 50 mm
 #pragma once
 
 #include <ostream>

@@ -9,8 +9,8 @@
 
 namespace teletact {
 
-// The calling thread takes the first CPU of its mask, each worker another one, as far as there are; given back at
-// the end.
+// The calling thread takes the first CPU of its mask, each worker another one, as far as there are;
+// given back at the end.
 class BenchPool {
  public:
   explicit BenchPool(int workers);
@@ -19,8 +19,9 @@ class BenchPool {
   BenchPool& operator=(const BenchPool&) = delete;
 
   [[nodiscard]] rt::WorkerPool& pool() noexcept { return pool_; }
-  // Wall time of a fork and join of parts without work, median of many; measured at a real-time priority, as the
-  // pool has in the product, where that is permitted: else it may hold waits for a core that others use.
+  // Wall time of a fork and join of parts without work, median of many; measured at a real-time
+  // priority, as the pool has in the product, where that is permitted: else it may hold waits for a
+  // core that others use.
   [[nodiscard]] std::int64_t round_trip_ns() const noexcept { return round_trip_ns_; }
   [[nodiscard]] bool real_time() const noexcept { return real_time_; }
   // Thread CPU of all workers since begin_job().

@@ -1,13 +1,14 @@
-// teletact bench drift: the fusion task on a scene in which nothing moves, for a long time. Each frame has its
-// own noise and is fused at the pose that tracking found, so an error of the pose could feed itself.
+// teletact bench drift: the fusion task on a scene in which nothing moves, for a long time. Each
+// frame has its own noise and is fused at the pose that tracking found, so an error of the pose
+// could feed itself.
 //
 //   worst_mm, worst_deg   largest distance and angle from the true pose over all claimed frames
 //   last_mm               the same, mean over the last tenth: a drift shows here
 //   first_mm              mean over frames 10 .. N / 10
 //   orthonormal           largest |R^T R - 1| of all poses
 //
-// Limits: every frame claimed, never more than 2 mm off, orthonormal to 1e-9, in the last tenth at most 0.3 mm more
-// than in the first (from 200 frames on).
+// Limits: every frame claimed, never more than 2 mm off, orthonormal to 1e-9, in the last tenth at
+// most 0.3 mm more than in the first (from 200 frames on).
 #pragma once
 
 #include <ostream>

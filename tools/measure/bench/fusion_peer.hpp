@@ -1,15 +1,18 @@
-// teletact bench fusion --peer: the same frames through ours, OpenCV's rgbd parts and Open3D, in one run.
+// teletact bench fusion --peer: the same frames through ours, OpenCV's rgbd parts and Open3D, in
+// one run.
 //
 //   volume      a cube of 5.12 m at 10 mm, truncation 50 mm, depth to 5 m, every pixel
 //   iterations  4, 5, 15, fine to coarse
-//   threads     one each; the runs take turns by slices of frames, and nobody runs while another does
-//   CPU         ours: the whole step of the fusion task; theirs: track, integrate, ray cast, all of the process's
-//               threads. Median, p95, max of the frames from `first_frame` on
-//   filter      OpenCV filters depth, as ours does; Open3D's Debian build can not, so ours runs a second time
-//               without filter beside it
+//   threads     one each; the runs take turns by slices of frames, and nobody runs while another
+//               does
+//   CPU         ours: the whole step of the fusion task; theirs: track, integrate, ray cast, all of
+//               the process's threads. Median, p95, max of the frames from `first_frame` on
+//   filter      OpenCV filters depth, as ours does; Open3D's Debian build can not, so ours runs a
+//               second time without filter beside it
 //   error       RMS of the translation over the frames tracked (ours: claimed), first pose aligned
 //
-//   target      its CPU at least 30 (OpenCV), 9 (Open3D) times ours with the same filter; our error not above its
+//   target      its CPU at least 30 (OpenCV), 9 (Open3D) times ours with the same filter; our error
+//               not above its
 //
 // A peer that is not installed is named with its package, and its figures are not there.
 #pragma once

@@ -1,13 +1,15 @@
 // teletact bench fuzz: readers of files from outside, fed with damaged files for a while.
 //
-// Each reader has a few good files. An input is one of them with some damage: bits, bytes and numbers changed,
-// parts cut out, doubled, moved, taken from another one; then, every other time, with its checksums made good
-// again, so that the damage gets past them. Input n of a seed is always the same bytes.
+// Each reader has a few good files. An input is one of them with some damage: bits, bytes and
+// numbers changed, parts cut out, doubled, moved, taken from another one; then, every other time,
+// with its checksums made good again, so that the damage gets past them. Input n of a seed is
+// always the same bytes.
 //
-// A reader must end: with a result, or with one line that says what is wrong. A fault is a crash, an
-// exception, a line that is none, more than `limit_cpu_s` for one input, minutes without using any, or memory
-// beyond `limit_MiB`. Each reader runs in a process of its own, `jobs` at once, so a fault ends the reader and not
-// the bench; the input is kept. A line a minute tells how far they are.
+// A reader must end: with a result, or with one line that says what is wrong. A fault is a crash,
+// an exception, a line that is none, more than `limit_cpu_s` for one input, minutes without using
+// any, or memory beyond `limit_MiB`. Each reader runs in a process of its own, `jobs` at once, so a
+// fault ends the reader and not the bench; the input is kept. A line a minute tells how far they
+// are.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// How much of the machine other processes used while something was measured. This one's children that have ended
-// are not others.
+// How much of the machine other processes used while something was measured. This one's children
+// that have ended are not others.
 #pragma once
 
 namespace teletact {

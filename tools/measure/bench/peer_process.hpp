@@ -1,5 +1,5 @@
-// A mapper of another project in a process of its own, asked for one frame at a time, so that nobody runs
-// while another is measured. Protocol: tools/measure/bench/peer/opencv_peer.cpp.
+// A mapper of another project in a process of its own, asked for one frame at a time, so that
+// nobody runs while another is measured. Protocol: tools/measure/bench/peer/opencv_peer.cpp.
 #pragma once
 
 #include <sys/types.h>

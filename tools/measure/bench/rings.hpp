@@ -10,9 +10,9 @@
 //   rtt       one item there and one back through a second queue; p50 over batches of 16
 //   line      a bare cache line there and back, retried like the queues; beside it the better of
 //             that and a loop with a pause instruction, which is nearer to the physical limit
-//   limits    near: own / best of the others >= .95 of both sizes; own round trip of 8 bytes <= 1.3 bare lines (aimed at: 1.15;
-//             256 bytes are four lines); a read of Latest <= 600 ns; not measured without 7 near rounds
-//             or beside others. Torn reads: none, ever
+//   limits    near: own / best of the others >= .95 of both sizes; own round trip of 8 bytes <= 1.3
+//             bare lines (aimed at: 1.15; 256 bytes are four lines); a read of Latest <= 600 ns;
+//             not measured without 7 near rounds or beside others. Torn reads: none, ever
 //   Latest    4 KB, the writer fills and publishes without rest, the reader takes the newest and
 //             reads every word; a read whose words differ is torn (there is no retry to count)
 #pragma once

@@ -1,37 +1,45 @@
-// teletact bench table1: the fusion task, frame by frame, beside Table 1 of the paper (KinectFusion and
-// segmentation on a GTX 670; ms a frame).
+// teletact bench table1: the fusion task, frame by frame, beside Table 1 of the paper (KinectFusion
+// and segmentation on a GTX 670; ms a frame).
 //
-//   row          a cube of 5.12 m with N voxels an edge: voxel 5.12 m / N, truncation max(50 mm, 2.1 voxels)
-//   second table for information: the voxel stays at 10 mm, and the volume is a cube of N x 10 mm in front of the
+//   row          a cube of 5.12 m with N voxels an edge: voxel 5.12 m / N, truncation max(50 mm,
+//                2.1 voxels)
+//   second table for information: the voxel stays at 10 mm, and the volume is a cube of N x 10 mm
+//   in front of the
 //                first camera, nothing kept outside; a pool no larger than what the cube can hold, no reading farther
-//                than its edge. Little of what the camera sees lies in the small ones: "claimed" says where it was lost
-//   frame CPU    thread CPU from the decoded images to published pose, patch and cost map: filter, pyramid,
-//                ICP, allocation, depth and colour integration, tracking ray cast, patch copy, cost map;
-//                neither file decoding nor the view. Median, p95, max over frames `first_frame` ..
-//                `frames` - 1; of each the median over the runs
-//   with object  the same with one object touched and followed: whenever none was seen for half a second, the
-//                surface in the middle of the image is touched, and where that is refused (it is what things stand
-//                on) other places of the image, one a frame. Only frames in which a mask was made count
-//   two threads  the same frames with one pool worker beside. Wall ("wall2") = the way through: over all stages the
-//                CPU of the thread that took longest, plus the measured fork and join of each fork (of empty
-//                parts, at a real-time priority where that is permitted, as the product has it); real wall time
-//                beside it, which holds whatever else the machine did
-//   memory       bytes that the map (pool, hash, colours, labels, free space), the keyframes and four patches hold;
-//                RSS: what the whole bench held at the end of the pass, less the images of the sequence
-//   sequences    the recording (a folder in TUM layout, brought to 512 x 424), and a synthetic room as a
-//                Kinect v2 sees it (512 x 424, f 365, axial and lateral noise, edge drop-out, flying pixels)
+//                than its edge. Little of what the camera sees lies in the small ones: "claimed"
+//                says where it was lost
+//   frame CPU    thread CPU from the decoded images to published pose, patch and cost map: filter,
+//                pyramid, ICP, allocation, depth and colour integration, tracking ray cast, patch
+//                copy, cost map; neither file decoding nor the view. Median, p95, max over frames
+//                `first_frame` .. `frames` - 1; of each the median over the runs
+//   with object  the same with one object touched and followed: whenever none was seen for half a
+//                second, the surface in the middle of the image is touched, and where that is
+//                refused (it is what things stand on) other places of the image, one a frame. Only
+//                frames in which a mask was made count
+//   two threads  the same frames with one pool worker beside. Wall ("wall2") = the way through:
+//                over all stages the CPU of the thread that took longest, plus the measured fork
+//                and join of each fork (of empty parts, at a real-time priority where that is
+//                permitted, as the product has it); real wall time beside it, which holds whatever
+//                else the machine did
+//   memory       bytes that the map (pool, hash, colours, labels, free space), the keyframes and
+//                four patches hold; RSS: what the whole bench held at the end of the pass, less the
+//                images of the sequence
+//   sequences    the recording (a folder in TUM layout, brought to 512 x 424), and a synthetic room
+//                as a Kinect v2 sees it (512 x 424, f 365, axial and lateral noise, edge drop-out,
+//                flying pixels)
 //
-// Other processes disturb: their share of a core is measured over each run, and above 5 % the row says "not
-// measured" beside its figures.
+// Other processes disturb: their share of a core is measured over each run, and above 5 % the row
+// says "not measured" beside its figures.
 //
-// Limits, of the first table and the first instruction set (table1_limits.cpp); times of a disturbed row are
-// neither met nor missed:
-//   512^3     frame CPU, median and p95: recording 15 and 22 ms, synthetic 17 and 24; an object 3.3 ms more, both
-//             what its stages took and the median of the differences, each frame with it less the same frame of a
-//             pass without: the two kinds of pass take turns, so that neither the choice of frames nor a
-//             machine that slows down between them counts
-//   each row  two threads' wall, with an object where one was followed, below the paper's segmentation and
-//             fusion; 64 MiB; 98 % of the frames claimed and no block refused, or the times say nothing
+// Limits, of the first table and the first instruction set (table1_limits.cpp); times of a
+// disturbed row are neither met nor missed:
+//   512^3     frame CPU, median and p95: recording 15 and 22 ms, synthetic 17 and 24; an object 3.3
+//             ms more, both what its stages took and the median of the differences, each frame with
+//             it less the same frame of a pass without: the two kinds of pass take turns, so that
+//             neither the choice of frames nor a machine that slows down between them counts
+//   each row  two threads' wall, with an object where one was followed, below the paper's
+//             segmentation and fusion; 64 MiB; 98 % of the frames claimed and no block refused, or
+//             the times say nothing
 #pragma once
 
 #include <array>

@@ -1,8 +1,9 @@
-// teletact bench table1 --instructions: instructions of a fusion frame, by callgrind, and what the watch for moving
-// things adds to it on input in which nothing moves.
+// teletact bench table1 --instructions: instructions of a fusion frame, by callgrind, and what the
+// watch for moving things adds to it on input in which nothing moves.
 //
-// Counted are both parts of FusionTask::step over the first images of a sequence, the first one included, each setting in a run of its own;
-// valgrind knows no AVX-512, so these are the AVX2 kernels. A count has no noise: what other processes do is not in it.
+// Counted are both parts of FusionTask::step over the first images of a sequence, the first one
+// included, each setting in a run of its own; valgrind knows no AVX-512, so these are the AVX2
+// kernels. A count has no noise: what other processes do is not in it.
 #pragma once
 
 #include <ostream>
@@ -34,7 +35,8 @@ struct InstructionsResult {
   void print(std::ostream& out) const;
 };
 
-// Of `options`: rgbd, synthetic, pinhole. 20 and 10 mm; the first level, at 20 mm the last too. Throws std::runtime_error.
+// Of `options`: rgbd, synthetic, pinhole. 20 and 10 mm; the first level, at 20 mm the last too.
+// Throws std::runtime_error.
 [[nodiscard]] InstructionsResult count_table1(std::ostream& progress, const Table1Options& options,
                                               int frames = 20);
 

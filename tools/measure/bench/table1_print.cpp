@@ -14,7 +14,8 @@ namespace {
 
 using Rows = std::vector<const Table1Row*>;
 
-// The paper's fusion column is segmentation and fusion together: ours with an object stands beside it.
+// The paper's fusion column is segmentation and fusion together: ours with an object stands beside
+// it.
 void print_table(std::ostream& out, const Rows& rows) {
   char line[320];
   out << "                           |      paper      | ours: seg+fusion     | fusion             "

@@ -64,8 +64,9 @@ tasks::FusionConfig config_of(const Cube& cube, bool recording) {
   return config;
 }
 
-// Names an object: marks the surface at a place of the image whenever no object was seen for half a second.
-// What is there may be what things stand on, or nothing: then the next place is tried in the next frame.
+// Names an object: marks the surface at a place of the image whenever no object was seen for half a
+// second. What is there may be what things stand on, or nothing: then the next place is tried in
+// the next frame.
 class Toucher {
  public:
   void before(const tasks::FusionTask& task, const perception::RgbdFrame& frame, int i,
@@ -134,8 +135,8 @@ struct FrameTimes {
   double own_cpu = 0, way_through = 0, worker_cpu = 0, real_wall = 0, forks = 0;
 };
 
-// Runs one step; with a crew the way through is longer than this thread's CPU where the worker took longer, and
-// by each fork.
+// Runs one step; with a crew the way through is longer than this thread's CPU where the worker took
+// longer, and by each fork.
 template <class Step>
 FrameTimes timed(BenchPool* crew, Step&& step) {
   const std::int64_t beyond = crew != nullptr ? crew->pool().beyond_ns() : 0;

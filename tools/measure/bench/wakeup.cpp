@@ -77,7 +77,8 @@ bool cyclictest_slice(int cpu, double seconds, WakeupResult::Slice& out) {
     }
   }
   if (total == 0) return false;
-  // Within its whole microsecond a sample lies anywhere: take the middle by the rank inside the bin.
+  // Within its whole microsecond a sample lies anywhere: take the middle by the rank inside the
+  // bin.
   const auto at = [&](double q) {
     const auto rank = static_cast<long>(rt::quantile_rank(q, static_cast<std::uint64_t>(total)));
     long seen = 0;

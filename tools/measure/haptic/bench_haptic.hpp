@@ -1,12 +1,13 @@
-// teletact bench haptic: what a tick costs. Thread CPU of a whole step in contact with the blend running, of every
-// method on the same recorded hand and windows; instructions by callgrind as the difference of two run
-// lengths, on a small and on a large map, with each effect, and against a build without effects; the
-// reduction of the published method over one full ray cast.
+// teletact bench haptic: what a tick costs. Thread CPU of a whole step in contact with the blend
+// running, of every method on the same recorded hand and windows; instructions by callgrind as the
+// difference of two run lengths, on a small and on a large map, with each effect, and against a
+// build without effects; the reduction of the published method over one full ray cast.
 //
 // Limits: a tick's thread CPU p50 <= 3, p99 <= 25 us, its instructions <= 17,500 (mean) and
 // <= 75,000 (p99: 25 us at 3 a ns), within 10 % the same on both maps, within 8 those of
-// a build without effects where none is asked for; no allocation, no lock; the reduction p50 <= 80 us. The tick is judged beside
-// others too: its time leaves out theirs. Not measured: the reduction beside others, counts without valgrind or guard.
+// a build without effects where none is asked for; no allocation, no lock; the reduction p50 <= 80
+// us. The tick is judged beside others too: its time leaves out theirs. Not measured: the reduction
+// beside others, counts without valgrind or guard.
 #pragma once
 
 #include <map>
@@ -57,7 +58,8 @@ struct HapticBenchResult {
   void print_instructions(std::ostream& out) const;
 };
 
-// Instructions of each of the first `ticks` ticks of a recorded run, by the counting program in the folder `programs`.
+// Instructions of each of the first `ticks` ticks of a recorded run, by the counting program in the
+// folder `programs`.
 [[nodiscard]] std::vector<double> tick_instructions(const std::string& programs,
                                                     const std::string& run, long ticks,
                                                     const std::string& scratch);

@@ -51,7 +51,8 @@ class Loop {
     now_ = rt::time_from_ns(1'000'000'000);
     twin_.enable_force(now_);
   }
-  // Holds the device with a known force until the delayed commands carry it, then lets the task take over.
+  // Holds the device with a known force until the delayed commands carry it, then lets the task
+  // take over.
   void settle(const Vec3& push) {
     const auto late = static_cast<int>(std::ceil(setting_.delay_s * setting_.rate_hz - 1e-9));
     for (int i = 0; i < late + 4; ++i) {
@@ -108,7 +109,8 @@ double residual_speed(const LoopSetting& s, double stiffness, double seconds) {
   for (std::int64_t k = 0; k < ticks; ++k) {
     loop.tick();
     const double speed = loop.twin().true_velocity().norm();
-    // A swing of ten times the kick has grown, and will not come to rest. (A hand moves faster at first.)
+    // A swing of ten times the kick has grown, and will not come to rest. (A hand moves faster at
+    // first.)
     if (loop.braked() || speed > (s.hand ? 100 : 10) * kKick_m_per_s) return speed;
     if (k >= last) worst = std::max(worst, speed);
   }
@@ -134,8 +136,8 @@ BoundaryRow find_boundary(const LoopSetting& s) {
     }
   };
   bisect();
-  // Where the encoder step is a large part of the stretch, its limit cycles make single stiffnesses below the limit
-  // restless, and a bisection may end there: the largest is asked for.
+  // Where the encoder step is a large part of the stretch, its limit cycles make single stiffnesses
+  // below the limit restless, and a bisection may end there: the largest is asked for.
   for (double above = 1.04; above < 1.25; above += 0.04) {
     if (!stable(above * lo)) continue;
     lo *= above;

@@ -18,8 +18,9 @@ using perception::Vec3;
 
 namespace {
 
-// What changes under the hand. Border and friction: the hand slides. Flicker and texture: the label flips with every
-// window; under the texture the hand stands, since sliding over bumps turns the force by itself.
+// What changes under the hand. Border and friction: the hand slides. Flicker and texture: the label
+// flips with every window; under the texture the hand stands, since sliding over bumps turns the
+// force by itself.
 enum class Change { kBorder, kFlicker, kFriction, kAmplitude, kPeriod };
 
 perception::Material material_of(Change change, int slot) {
@@ -45,8 +46,8 @@ perception::Material material_of(Change change, int slot) {
   return m;
 }
 
-// Down to 8 mm at 50 mm/s; then 100 mm/s along x over the border and back; with friction at 20 mm/s one way, so that it
-// slips all the time; on the texture from place to place, 0.5 s at each.
+// Down to 8 mm at 50 mm/s; then 100 mm/s along x over the border and back; with friction at 20 mm/s
+// one way, so that it slips all the time; on the texture from place to place, 0.5 s at each.
 Vec3 material_hand(Change change, double t) {
   // Bumps are asked where their height is felt (tasks/haptic/effects.hpp).
   const double deepest = change == Change::kAmplitude || change == Change::kPeriod ? 0.0005 : 0.008;

@@ -41,8 +41,9 @@ class Pen {
     const int n = std::max(1, static_cast<int>(std::ceil(length / (speed * options_.period_s))));
     for (int i = 1; i <= n && !full(); ++i) put(from + (static_cast<double>(i) / n) * (to - from));
   }
-  // From where the hand is to the point (x, y) of the place's plane, `depth` under the surface there. The height
-  // comes from the map; beyond an edge the last one holds, also where the map rounds the edge off.
+  // From where the hand is to the point (x, y) of the place's plane, `depth` under the surface
+  // there. The height comes from the map; beyond an edge the last one holds, also where the map
+  // rounds the edge off.
   void slide(const Place& place, const Vec3& to, double depth, double speed) {
     const Vec3 from = on_plane(place, at_);
     const double length = (to - from).norm(), depth_from = depth_;
@@ -63,7 +64,8 @@ class Pen {
     depth_ = depth;
     go(at + (height_ - depth) * place.n_W, 0.15);
   }
-  // All the way down to the surface there the map is known: what comes out of the unknown is not felt.
+  // All the way down to the surface there the map is known: what comes out of the unknown is not
+  // felt.
   [[nodiscard]] bool known_over(const Place& place, const Vec3& at) {
     for (double z = kHover_m; z >= -0.01; z -= 0.005) {
       const Vec3 p = at + z * place.n_W;
@@ -108,8 +110,8 @@ class Pen {
   int place_ = -1;
 };
 
-// What comes in before the map holds the surface there feels nothing until it was out: up again now and then, and more
-// often while the map is new.
+// What comes in before the map holds the surface there feels nothing until it was out: up again now
+// and then, and more often while the map is new.
 void wander(Pen& pen, const Place& place, rt::Random& random, double seen, double until) {
   const Axes axes(place.n_W);
   const auto draw = [&] {
@@ -127,8 +129,8 @@ void wander(Pen& pen, const Place& place, rt::Random& random, double seen, doubl
   }
 }
 
-// To the edge and back, twice, and over it; comes back through the air. At a corner over the one edge, over the other,
-// and between them.
+// To the edge and back, twice, and over it; comes back through the air. At a corner over the one
+// edge, over the other, and between them.
 void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until) {
   const bool corner = place.kind == Place::Kind::kCorner;
   const Vec3 between = (place.out_W[0] + place.out_W[1]).normalized();
@@ -137,7 +139,8 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   const auto aside = [&] {
     return corner ? Vec3(Vec3::Zero()) : Vec3(random.uniform(-0.02, 0.02) * along);
   };
-  // Comes in where the surface is as the plane says: which way is out for the contact, its first tick tells.
+  // Comes in where the surface is as the plane says: which way is out for the contact, its first
+  // tick tells.
   const auto entry = [&] {
     Vec3 best = place.p_W + 0.035 * back;
     double least = pen.incline(place, best);
@@ -174,7 +177,8 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   }
 }
 
-// Time at each place: of what the ways leave, an edge so much of something flat, since a third of it is air.
+// Time at each place: of what the ways leave, an edge so much of something flat, since a third of
+// it is air.
 std::vector<double> shares(const std::vector<Place>& places, double way_m, double edge,
                            const MapPathOptions& o) {
   std::vector<double> s;

@@ -1,6 +1,6 @@
-// A hand path over a fused map, made by a seeded script: flat places, walls, an edge of something level, a corner of
-// a box. The target is 3 to 8 mm under the map's own surface and moves at 20 to 200 mm/s; between two places it goes
-// through space that was seen free. Where: map_round.hpp.
+// A hand path over a fused map, made by a seeded script: flat places, walls, an edge of something
+// level, a corner of a box. The target is 3 to 8 mm under the map's own surface and moves at 20 to
+// 200 mm/s; between two places it goes through space that was seen free. Where: map_round.hpp.
 // Frames: W world (= map).  SI.
 #pragma once
 

@@ -19,7 +19,8 @@ bool level(MapProbe& probe, const Vec3& p, const Vec3& n, double within) {
   return std::abs(h) < within;  // false for NaN
 }
 
-// Most of the surface around p lies within `within` of the plane. A tenth may not: a hole, or a step of the sensor.
+// Most of the surface around p lies within `within` of the plane. A tenth may not: a hole, or a
+// step of the sensor.
 bool flat(MapProbe& probe, const Vec3& p, const Vec3& n, double within,
           std::initializer_list<double> radii) {
   const Axes axes(n);
@@ -33,8 +34,8 @@ bool flat(MapProbe& probe, const Vec3& p, const Vec3& n, double within,
   return 10 * found >= 9 * asked;
 }
 
-// The plane through the surface within `radius` of p, by least squares: a single normal of a cast is the noise of
-// its pixels. False: hardly anything there.
+// The plane through the surface within `radius` of p, by least squares: a single normal of a cast
+// is the noise of its pixels. False: hardly anything there.
 bool fit_plane(MapProbe& probe, double radius, Vec3& p, Vec3& n) {
   for (int round = 0; round < 2; ++round) {
     const Axes axes(n);

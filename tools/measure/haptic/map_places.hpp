@@ -4,8 +4,8 @@
 // plane fitted there.
 //   wall    upright, nine tenths of the surface within 10 mm of the plane for 100 mm around
 //   top     level, nine tenths within 4 mm for 50 mm around
-//   edge    in one direction the surface ends within 70 mm, and behind that it is free 50 mm down; its side
-//           was seen, and does not recede
+//   edge    in one direction the surface ends within 70 mm, and behind that it is free 50 mm down;
+//           its side was seen, and does not recede
 //   corner  so in two directions at 60 to 120 degrees and between them
 // and over each of them nothing else for 50 mm.
 // Frames: W world (= map).  SI.

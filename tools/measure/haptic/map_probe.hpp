@@ -18,7 +18,8 @@ class MapProbe {
   [[nodiscard]] double value(const perception::Vec3& p_W);
   // Observed and farther than `margin` outside, or seen free.
   [[nodiscard]] bool free(const perception::Vec3& p_W, double margin);
-  // Height over p along n of the first crossing from free to solid on the way from `above` to -`below`; NaN: none.
+  // Height over p along n of the first crossing from free to solid on the way from `above` to
+  // -`below`; NaN: none.
   [[nodiscard]] double height(const perception::Vec3& p_W, const perception::Vec3& n_W,
                               double above, double below);
 

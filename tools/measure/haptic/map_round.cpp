@@ -70,8 +70,8 @@ bool apart(const std::vector<Place>& places, const Place& from) {
   });
 }
 
-// What is built stands along gravity or across it: the direction near `rough` to which most normals are parallel or
-// perpendicular, then refined on those (Gupta, Arbelaez, Malik 2013).
+// What is built stands along gravity or across it: the direction near `rough` to which most normals
+// are parallel or perpendicular, then refined on those (Gupta, Arbelaez, Malik 2013).
 Vec3 refined_up(const Surface& surface, const Vec3& rough, rt::Random& random) {
   std::vector<Vec3> normals;
   for (int i = 0; i < 20000 && normals.size() < 2000; ++i) {
@@ -123,7 +123,8 @@ Round tour(Ways& ways, std::vector<Place> places) {
   return r;
 }
 
-// Around a corner, whatever is nearest to one already chosen: five places. Empty: a kind is missing.
+// Around a corner, whatever is nearest to one already chosen: five places. Empty: a kind is
+// missing.
 std::vector<Place> chosen_around(const Place& corner, const std::vector<Place>& pool) {
   using Kind = Place::Kind;
   std::vector<Place> chosen{corner};
@@ -205,8 +206,9 @@ std::size_t first_seen(MapProbe& probe, const Place& place, const perception::In
   return views.size();
 }
 
-// A map that is still growing holds what its first views saw: begins there, on something flat if there is, the nearer the
-// less noisy, or at the kind that was asked for; goes on to the nearest each time.
+// A map that is still growing holds what its first views saw: begins there, on something flat if
+// there is, the nearer the less noisy, or at the kind that was asked for; goes on to the nearest
+// each time.
 double begin_where_seen(MapProbe& probe, std::vector<Place>& places,
                         const perception::Intrinsics& camera, const std::vector<Pose>& views,
                         std::optional<Place::Kind> kind) {
@@ -232,7 +234,8 @@ Round find_places(const perception::TsdfMap& map, MapProbe& probe,
   const Vec3 up = refined_up(surface, up_W, random);
   std::array<int, 4> of{};
   const std::vector<Place> pool = pool_of(probe, surface, up, pool_most, random, of);
-  // The corner from which it is the shortest way, time in the air is no touch, and everything can be reached.
+  // The corner from which it is the shortest way, time in the air is no touch, and everything can
+  // be reached.
   std::vector<std::pair<double, std::vector<Place>>> rounds;
   for (const Place& corner : pool) {
     if (corner.kind != Place::Kind::kCorner) continue;

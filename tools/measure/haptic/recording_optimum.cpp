@@ -14,7 +14,8 @@ namespace {
 constexpr double kAbout_m =
     0.03;  // of the field beside hand and proxy: the longest way of a search, and a cell
 
-// The blended windows about hand and proxy. A node that was not observed is NaN, and nothing is solid beside it.
+// The blended windows about hand and proxy. A node that was not observed is NaN, and nothing is
+// solid beside it.
 support::ReferenceField field_about(const PopChecker& windows, double blend, const Vec3& p_W,
                                     const Vec3& h_W) {
   const double voxel = windows.voxel_m();

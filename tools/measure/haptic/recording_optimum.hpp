@@ -35,7 +35,8 @@ class RecordingOptimum {
   [[nodiscard]] bool asked(std::size_t k) const noexcept {
     return at_ < spans_.size() && k >= spans_[at_].first && k <= spans_[at_].second;
   }
-  // A tick that is asked about, after the product's step. `field`: the windows that it had; `blend` of the newer.
+  // A tick that is asked about, after the product's step. `field`: the windows that it had; `blend`
+  // of the newer.
   void tick(std::size_t k, const perception::Vec3& h_W, double step_product_N, PopChecker& field,
             double blend);
   [[nodiscard]] const ContactFigures& product() const noexcept { return product_; }

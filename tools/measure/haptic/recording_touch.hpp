@@ -1,7 +1,8 @@
-// A hand on a recording that plays forward and back while it is being fused: frames at 30 Hz of virtual time, every
-// claimed one integrated, windows of the growing map, 1000 ticks a second. The hand's path was made by a
-// seeded script on the final map of a first pass. The same trace goes through `nearest` and the published method
-// beside it, on the same windows. What the product misses is shown to the field's optimum, if asked.
+// A hand on a recording that plays forward and back while it is being fused: frames at 30 Hz of
+// virtual time, every claimed one integrated, windows of the growing map, 1000 ticks a second. The
+// hand's path was made by a seeded script on the final map of a first pass. The same trace goes
+// through `nearest` and the published method beside it, on the same windows. What the product
+// misses is shown to the field's optimum, if asked.
 #pragma once
 
 #include <cstdint>
@@ -80,7 +81,8 @@ struct TouchedPath {
   ContactFigures asked, optimum;  // product and optimum in the contacts asked about
   // Those with a jump or a turn beyond the limits.
   [[nodiscard]] std::vector<TickSpan> missed_contacts() const;
-  // Of jumps in a row, turns and ticks through the surface: limits missed that the optimum keeps, or was not asked about.
+  // Of jumps in a row, turns and ticks through the surface: limits missed that the optimum keeps,
+  // or was not asked about.
   [[nodiscard]] int missed_alone() const;
   [[nodiscard]] int surfaces_touched() const;  // places with half a second of contact
   // Of the product's method: two thirds of the time in contact; five surfaces, with a wall, an

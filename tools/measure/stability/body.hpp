@@ -1,5 +1,5 @@
-// The device as a body: the twin's mass, damping, dry friction, encoder steps and delay, with or without a hand that
-// holds it. Frame S of a solid (tools/measure/support/haptic_solids.hpp), SI.
+// The device as a body: the twin's mass, damping, dry friction, encoder steps and delay, with or
+// without a hand that holds it. Frame S of a solid (tools/measure/support/haptic_solids.hpp), SI.
 #pragma once
 
 #include <cmath>

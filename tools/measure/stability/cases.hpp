@@ -1,11 +1,13 @@
 // The twenty hard cases of touching a sampled surface, each as a scene, a hand path and limits.
 //
 // Every run is judged by an optimum that shares no code with the renderer, one of three:
-//   field optimum    the path-constrained nearest point on the same samples (tools/measure/support/field_optimum.hpp)
+//   field optimum    the path-constrained nearest point on the same samples
+//                    (tools/measure/support/field_optimum.hpp)
 //   guarded optimum  the field optimum's force behind the slew guard
 //   exact            an ideal spring on the device, in the same hand
-// A figure over its limit is failed, whatever the optimum does, and reported with the optimum's own figure. Where
-// that is over the limit too, it comes from the samples, as they are asked to be rendered; it is failed all the same.
+// A figure over its limit is failed, whatever the optimum does, and reported with the optimum's own
+// figure. Where that is over the limit too, it comes from the samples, as they are asked to be
+// rendered; it is failed all the same.
 //
 // Frames: S of the solid, W of the grid (X_WS of the placement).  SI.
 #pragma once
@@ -50,7 +52,8 @@ struct Check {
   double optimum = std::numeric_limits<double>::quiet_NaN();  // its own figure
   Yardstick by = Yardstick::kField;
   bool binds = true;  // false: the optimum's figure stands beside, but less than it can be had
-  // Where in the run we are over the limit and the optimum, thereabouts, is not or less far; NaN: nowhere, or not known.
+  // Where in the run we are over the limit and the optimum, thereabouts, is not or less far; NaN:
+  // nowhere, or not known.
   Pair alone{};
   bool gate =
       false;  // kept by every run; a force that is cut at its limit has no margin to speak of

@@ -1,5 +1,5 @@
-// The closed loop: the device as a body (body.hpp) on the surfaces of other cases, pushed by a steady force without a hand
-// or led by one.
+// The closed loop: the device as a body (body.hpp) on the surfaces of other cases, pushed by a
+// steady force without a hand or led by one.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -28,8 +28,9 @@ struct Place {
 Vec3 on_floor(const Vec3& h) { return {h.x(), h.y(), std::max(h.z(), 0.0)}; }
 Vec3 in_corner(const Vec3& h) { return {std::min(h.x(), 0.0), h.y(), std::max(h.z(), 0.0)}; }
 
-// Without a hand nothing holds the device against a slope, and the samples of a convex edge slope from a voxel and
-// more before it: there it is pushed where they are flat. A hand takes it over the edge itself.
+// Without a hand nothing holds the device against a slope, and the samples of a convex edge slope
+// from a voxel and more before it: there it is pushed where they are flat. A hand takes it over the
+// edge itself.
 std::vector<Place> places() {
   return {{"floor",
            solids::floor,
@@ -57,13 +58,15 @@ struct Pushed {
   Vec3 rest = Vec3::Zero();  // where it was when it was kicked
 };
 
-// A steady push against the surface, no hand: how fast the device still moves after 7 s. `steady`: it begins at rest where
-// push and spring balance, kicked by 10 mm/s (as the boundary is measured, docs/stability.md); else it falls onto the
-// surface, and a loop that only just damps has more than 7 s to go, whatever renders it.
+// A steady push against the surface, no hand: how fast the device still moves after 7 s. `steady`:
+// it begins at rest where push and spring balance, kicked by 10 mm/s (as the boundary is measured,
+// docs/stability.md); else it falls onto the surface, and a loop that only just damps has more than
+// 7 s to go, whatever renders it.
 //
-// The samples of a corner are not the corner: their crease winds along it, and the push rests only in a hollow of that. The device
-// comes there by itself, damped enough for it, before it is let go. A push that is tilted along the crease instead, to hold one given place,
-// pulls a device without friction along for ever.
+// The samples of a corner are not the corner: their crease winds along it, and the push rests only
+// in a hollow of that. The device comes there by itself, damped enough for it, before it is let go.
+// A push that is tilted along the crease instead, to hold one given place, pulls a device without
+// friction along for ever.
 constexpr double kKick = 0.01, kSettling_N_s_per_m = 5;
 
 template <class Force>
@@ -112,7 +115,8 @@ Pushed pushed(const Setting& s, const Place& place, const Body& body, double sti
   return out;
 }
 
-// The same on the field optimum from the same place: seconds of CPU, so only where the limit was missed.
+// The same on the field optimum from the same place: seconds of CPU, so only where the limit was
+// missed.
 double pushed_optimum(const Setting& s, const Place& place, const Body& body, double stiffness,
                       const Vec3& rest) {
   const Rig r(held(s, place.solid, body, stiffness));
@@ -182,7 +186,8 @@ void add_pushes(Run& run, const Setting& s, const Place& place) {
                   1e3 * fall.residual, 1e3 * fall.ideal);
 }
 
-// A device that has a third of the damping that it states, and that is credited with what it states.
+// A device that has a third of the damping that it states, and that is credited with what it
+// states.
 struct Mistaken {
   double energy_J = 0, controller_N = 0, residual_m_per_s = 0;
 };
@@ -203,13 +208,16 @@ Mistaken mistaken(const Setting& s, const Place& place, double stiffness) {
   return out;
 }
 
-// Printed: a device that is known to dissipate nothing, and one that dissipates less than it states. At 1 N/mm that one still pays
-// for the spring, which is within its own limit (1.07 N/mm); at the stiffest that what it states admits (3.2 N/mm) it does not.
+// Printed: a device that is known to dissipate nothing, and one that dissipates less than it
+// states. At 1 N/mm that one still pays for the spring, which is within its own limit (1.07 N/mm);
+// at the stiffest that what it states admits (3.2 N/mm) it does not.
 //
-// Not asserted, for it misses the limits of the others. Of 81 runs at 3.2 N/mm the energy falls below -1 mJ in one, a corner at
-// 20 mm/s: -1.22; in all 27 corners the softest hand is left swinging after 2 s, at 5 to 36 mm/s (limit 3). The controller does
-// nothing there: it believes the credit. Rest is not the credit's doing alone: in the corner at 200 mm/s that was looked into
-// (22.5 mm/s after 4 s) it is 23.3 credited with its own b, 22.5 without the controller, 0.5 credited with nothing.
+// Not asserted, for it misses the limits of the others. Of 81 runs at 3.2 N/mm the energy falls
+// below -1 mJ in one, a corner at 20 mm/s: -1.22; in all 27 corners the softest hand is left
+// swinging after 2 s, at 5 to 36 mm/s (limit 3). The controller does nothing there: it believes the
+// credit. Rest is not the credit's doing alone: in the corner at 200 mm/s that was looked into
+// (22.5 mm/s after 4 s) it is 23.3 credited with its own b, 22.5 without the controller, 0.5
+// credited with nothing.
 void note_credit(Run& run, const Setting& s, const Place& place) {
   const Body stated{0.2, 2, 0, 0};
   double nothing = 0;
@@ -225,8 +233,8 @@ void note_credit(Run& run, const Setting& s, const Place& place) {
   }
 }
 
-// In each hand: each device at its largest stiffness and a light one at 1 N/mm, without the controller; with it what it
-// does, and that it keeps the energy.
+// In each hand: each device at its largest stiffness and a light one at 1 N/mm, without the
+// controller; with it what it does, and that it keeps the energy.
 void add_hands(Run& run, const Setting& s, const Place& place) {
   constexpr double kBrief_s = 0.3;
   Worst bare, light, active, limber, firm;

@@ -194,7 +194,8 @@ std::vector<Run> friction_hold_runs(const Setting& s) {
   double slip = 0, reversal = 0, sliding = 0, loose = 0;
   const double from = rows.front().t;
   for (std::size_t i = 1; i < rows.size(); ++i) {
-    // Before any guard while it slides on; what the hand gets while it turns and breaks loose again.
+    // Before any guard while it slides on; what the hand gets while it turns and breaks loose
+    // again.
     const double t = rows[i].t - from;
     if (t < turn - 0.002) {
       slip = std::max(slip, (rows[i].f_raw - rows[i - 1].f_raw).norm());

@@ -16,7 +16,8 @@ constexpr double kGrooveAngle = std::numbers::pi / 4, kGrooveDepth_m = 0.004;
 
 double groove_solid(const Vec3& p) { return solids::groove(p, kGrooveAngle); }
 
-// Ticks of the same way in which a proxy that may take ten steps a tick is not where one is that takes all it needs.
+// Ticks of the same way in which a proxy that may take ten steps a tick is not where one is that
+// takes all it needs.
 int ticks_over(int iterations, const Setting& s, const Path& path, const std::vector<Row>& rows) {
   Scene scene = still_scene(s, groove_solid);
   scene.config.iterations_max = iterations;

@@ -18,7 +18,8 @@ std::vector<Vec3> moved(std::vector<Vec3> points, const Vec3& by) {
   return points;
 }
 
-// The rows of the run while the hand is this deep, and what the optimum does in the same ticks, linear between its places.
+// The rows of the run while the hand is this deep, and what the optimum does in the same ticks,
+// linear between its places.
 struct Deep {
   std::vector<Vec3> ours, optimum;
 };
@@ -216,7 +217,8 @@ std::vector<Run> saddle_runs(const Setting& s) {
       curl_guarded += 0.5 * (o.f_guarded + last.f_guarded).dot(way);
     }
   }
-  // The optimum is no bound here: each ridge that its rest ends at costs energy, and a renderer may go over it for nothing.
+  // The optimum is no bound here: each ridge that its rest ends at costs energy, and a renderer may
+  // go over it for nothing.
   add(run, "loop energy mJ", 1e3 * std::abs(curl), 0.2,
       s.judged ? 1e3 * std::abs(curl_guarded) : std::nan(""), Yardstick::kGuarded);
   run.checks.back().binds = false;
@@ -264,7 +266,8 @@ std::vector<Run> border_runs(const Setting& s) {
   }
   add(run, "lateral N", lateral, 0.2);
   add(run, "ticks without a held frame", held > 0 ? 0 : 1, 0);
-  // From behind, out of what was never seen: nothing until the hand has been in seen-free space, then a contact as any.
+  // From behind, out of what was never seen: nothing until the hand has been in seen-free space,
+  // then a contact as any.
   rig::Rig rig(half_seen(s));
   const Path behind({{0.06, 0, z}, {-0.04, 0, z}, {-0.04, 0, 0.01 + r}}, s.speed);
   double unseen = 0;

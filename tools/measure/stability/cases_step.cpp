@@ -1,4 +1,5 @@
-// Case 20: a surface that steps under the device in a hand, and what such a step has to put into the spring.
+// Case 20: a surface that steps under the device in a hand, and what such a step has to put into
+// the spring.
 #include <algorithm>
 #include <cmath>
 
@@ -22,7 +23,8 @@ struct Rise {
   }
 };
 
-// What such a rise from its publication on puts into an exact spring under this device in this hand.
+// What such a rise from its publication on puts into an exact spring under this device in this
+// hand.
 double injected_by_rise(Twin twin, const Path& path, double published_s, const Rise& rise) {
   double height = 0, stretch = std::max(-twin.reading().z(), 0.0), injected = 0;
   for (int k = 0; k < rise.ticks; ++k) {
@@ -48,9 +50,10 @@ Twin led_by_exact(Twin twin, const Path& path, double until_s, double stiffness)
   return twin;
 }
 
-// What a step has to put into the spring: by an even rise over one period of windows, as the blend is, and the least of any
-// that arrive within the 50 ms of case 12 in steps of at most 0.3 N. From device and hand as they are at the
-// publication, and as an exact spring would have led them there, whichever takes less.
+// What a step has to put into the spring: by an even rise over one period of windows, as the blend
+// is, and the least of any that arrive within the 50 ms of case 12 in steps of at most 0.3 N. From
+// device and hand as they are at the publication, and as an exact spring would have led them there,
+// whichever takes less.
 struct Least {
   double even = 0, any = 0;
 };

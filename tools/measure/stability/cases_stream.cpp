@@ -291,8 +291,8 @@ Run started(const Setting& s) {
   return comes_back("start", s, r, std::move(rows), 8);
 }
 
-// Forces off at a hand `before` deep, on again when it is `after` deep: across the middle of the plate, where the nearest
-// face is the wrong one.
+// Forces off at a hand `before` deep, on again when it is `after` deep: across the middle of the
+// plate, where the nearest face is the wrong one.
 Run enabled_again(const Setting& s, const std::string& name, double before, double after) {
   Rig r = on_plate(s);
   const double top = 0.5 * kPlate_m + s.tip_radius_m;
@@ -308,7 +308,8 @@ Run enabled_again(const Setting& s, const std::string& name, double before, doub
   return run;
 }
 
-// The clutch held while the hand is inside: forces fade out, the device goes elsewhere, the hand in the scene stays.
+// The clutch held while the hand is inside: forces fade out, the device goes elsewhere, the hand in
+// the scene stays.
 Run clutched_again(const Setting& s) {
   Rig r = on_plate(s);
   const double top = 0.5 * kPlate_m + s.tip_radius_m;

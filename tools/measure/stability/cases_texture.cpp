@@ -38,8 +38,8 @@ double texture_residual(const Setting& s, bool shade, double stiffness, double p
   return residual;
 }
 
-// Ten periods there and back at a depth, along x of the grid: the texture lies in the map. Where d + a is within the reach the
-// height has to be felt as it is.
+// Ten periods there and back at a depth, along x of the grid: the texture lies in the map. Where
+// d + a is within the reach the height has to be felt as it is.
 struct Felt {
   std::vector<Row> rows;
   double error = 0;       // of what is felt against d + a there, at most
@@ -76,8 +76,8 @@ Felt felt_at(const Setting& s, Rig& r, double stiffness, double reach_m) {
   return out;
 }
 
-// The reach that device and slew guard leave: a bump is a spring along the surface, K d C at depth d. Of what the device
-// renders stably 3/4, of what the guard follows at 100 mm/s 4/5.
+// The reach that device and slew guard leave: a bump is a spring along the surface, K d C at depth
+// d. Of what the device renders stably 3/4, of what the guard follows at 100 mm/s 4/5.
 double due_reach_m(const Rig& r) {
   const tasks::HapticConfig& c = r.setup().config;
   constexpr double kSpeed = 0.1, kWave = 2 * std::numbers::pi / kPeriod_m;

@@ -1,4 +1,5 @@
-// Case 20: a hand that leads the device (body.hpp) along a way and holds it there. Frame S of a solid, SI.
+// Case 20: a hand that leads the device (body.hpp) along a way and holds it there. Frame S of a
+// solid, SI.
 #pragma once
 
 #include <optional>

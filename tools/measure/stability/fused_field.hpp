@@ -1,7 +1,8 @@
-// A field as the product fuses it: synthetic depth of a solid, seen from one side, integrated into a
-// TsdfMap with known poses. Depth by sphere tracing on the solid's distance; nothing of the map's own
-// ray cast is used. The solid is there within 0.15 m of the origin; round it a ball of 1 m about the origin is seen
-// from inside, which never moves: a camera that sees nothing but what moves can not tell it from its own motion.
+// A field as the product fuses it: synthetic depth of a solid, seen from one side, integrated into
+// a TsdfMap with known poses. Depth by sphere tracing on the solid's distance; nothing of the map's
+// own ray cast is used. The solid is there within 0.15 m of the origin; round it a ball of 1 m
+// about the origin is seen from inside, which never moves: a camera that sees nothing but what
+// moves can not tell it from its own motion.
 #pragma once
 
 #include <functional>
@@ -19,8 +20,8 @@ namespace stability {
 struct FusedView {
   double incidence_deg = 0;  // of the camera's axis on the floor (+z of S)
   perception::Vec3 lean_S = perception::Vec3::UnitX();  // the camera leans from +z to this side
-  // As the synthetic camera has it (drivers/camera/depth_noise.hpp): axial 1, lateral 0.3 px, half of the edge pixels without
-  // a reading, 2 % of them between the two sides.
+  // As the synthetic camera has it (drivers/camera/depth_noise.hpp): axial 1, lateral 0.3 px, half
+  // of the edge pixels without a reading, 2 % of them between the two sides.
   bool noise = false;
   bool axial_alone = false;  // of that noise
   int frames = 20;

@@ -1,18 +1,22 @@
-// The gates that every run of a hard case keeps beside its own limits, judged over every tick of the setting,
-// those included that no row is kept of:
+// The gates that every run of a hard case keeps beside its own limits, judged over every tick of
+// the setting, those included that no row is kept of:
 //
-//   step CPU p99     at most 25 us of thread CPU, contact ticks; of each tick the smallest of all passes counts
+//   step CPU p99     at most 25 us of thread CPU, contact ticks; of each tick the smallest of all
+//                    passes counts
 //   step instructions p99   in tests instead of it: at most 75,000, what 25 us are at 3 a ns
-//   allocations, locks in a step: none. Counted where the guard is linked (tools/measure/support/rt_guard.hpp), so in tests
+//   allocations, locks in a step: none. Counted where the guard is linked
+//   (tools/measure/support/rt_guard.hpp), so in tests
 //   trace differs    the setting is run twice; every answer of every tick is the same, bit by bit
 //   not finite       no tick
 //   force            at most 12 N
 //   E + booked + credit   at least -1 mJ at every tick under the passivity controller
-//   controller changes the trace   cases 1 to 18, credited with b 2: the same answers bit by bit without it
+//   controller changes the trace   cases 1 to 18, credited with b 2: the same answers bit by bit
+//                                  without it
 //
-// All passes do the same work tick by tick, so what one of them took more than another was the machine's. Where two do not
-// say enough, up to six more are made. A test may run beside anything: where the guard is linked, instructions are judged
-// instead, by the 99th percentile of the field samples of a tick, which is the same on any machine.
+// All passes do the same work tick by tick, so what one of them took more than another was the
+// machine's. Where two do not say enough, up to six more are made. A test may run beside anything:
+// where the guard is linked, instructions are judged instead, by the 99th percentile of the field
+// samples of a tick, which is the same on any machine.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +28,8 @@
 namespace stability {
 
 // chosen on: corners; judged on: case 3 on samples and on fused fields (docs/haptic_rendering.md, Cost)
-// Most that a tick of so many field samples takes, by callgrind; held to by tests/timing/haptic_tick.
+// Most that a tick of so many field samples takes, by callgrind; held to by
+// tests/timing/haptic_tick.
 inline constexpr double kInstructionsOfATick = 42000, kInstructionsOfASample = 250;
 [[nodiscard]] constexpr double instructions_of(std::uint32_t work) {
   return kInstructionsOfATick + kInstructionsOfASample * work;

@@ -7,8 +7,8 @@
 //
 // Search: the neighbourhood of p is seen along the line to the hand h. An offset across that line
 // is walked to; a walk that enters the solid rises away from h to the surface, and in the free it
-// sinks towards h until it meets the surface or h. The best of 16 directions and their refinement is
-// taken, at ever smaller radii, until none is better. What is exactly zero is solid.
+// sinks towards h until it meets the surface or h. The best of 16 directions and their refinement
+// is taken, at ever smaller radii, until none is better. What is exactly zero is solid.
 //
 // Checked against closed forms and by random search in tests/unit/tasks_haptic.
 #pragma once
@@ -78,8 +78,9 @@ class FieldOptimum {
  public:
   using Known = std::function<bool(const Vec3& p)>;
   // `radius`: of the tip, m. Where the field rises faster than distance (a projective one seen at a
-  // grazing angle), as many times more of it is asked for, by differences over a voxel; along an axis on which one
-  // side was not seen, within the cell. `known`: of the cell of a place; empty: all were seen.
+  // grazing angle), as many times more of it is asked for, by differences over a voxel; along an
+  // axis on which one side was not seen, within the cell. `known`: of the cell of a place; empty:
+  // all were seen.
   FieldOptimum(const ReferenceField& field, double radius, double voxel = 0.01, Known known = {})
       : field_(field), tip_(radius), voxel_(voxel), known_(std::move(known)), radius_(radius) {}
 
@@ -170,7 +171,8 @@ class FieldOptimum {
     const Vec3 axis = (h - p) / distance;
     const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
     r = std::min(r, distance);
-    // The steepest free way in the half-plane through the axis at `angle`: its slope, which may lead away from h.
+    // The steepest free way in the half-plane through the axis at `angle`: its slope, which may
+    // lead away from h.
     const auto reach = [&](double angle, Vec3& way) {
       const Vec3 side = std::cos(angle) * a + std::sin(angle) * b;
       double lo = -kAway, hi = 0.5 * std::numbers::pi;
@@ -227,7 +229,8 @@ class FieldOptimum {
   // way.
   [[nodiscard]] Vec3 squeeze(const Vec3& p, const Vec3& h) const {
     const double distance = (h - p).norm();
-    // A whole free way, as unused() looks for one: along a crease narrower than the steps of the fan.
+    // A whole free way, as unused() looks for one: along a crease narrower than the steps of the
+    // fan.
     for (const double r : {kUnusedWay, 1e-4, kStep, 2e-5}) {
       const auto [part, way] = steepest(p, h, r, true);
       if (part < 0.002) continue;
@@ -260,7 +263,8 @@ class FieldOptimum {
   }
   [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) <= radius_; }
 
-  // Out of the solid, away from h; where that is far (in a slot that the tip hardly fits in), the shortest way out of 96.
+  // Out of the solid, away from h; where that is far (in a slot that the tip hardly fits in), the
+  // shortest way out of 96.
   [[nodiscard]] Vec3 rise(const Vec3& p, const Vec3& h) const {
     constexpr double kShort = 2e-4, kFarthest = 0.02;
     if (!solid(p)) return p;

@@ -1,5 +1,6 @@
-// Closed loops of a hand over a textured floor, seeded, and what one of them costs: a force that is the slope of an energy
-// costs nothing over any. In depth, along both tangents, each leg at its own pace: what follows the hand's speed shows.
+// Closed loops of a hand over a textured floor, seeded, and what one of them costs: a force that is
+// the slope of an energy costs nothing over any. In depth, along both tangents, each leg at its own
+// pace: what follows the hand's speed shows.
 #pragma once
 
 #include <algorithm>
@@ -50,8 +51,8 @@ void go(rig::Rig& r, const Vec3& from, const Vec3& to, double speed, const Each&
   }
 }
 
-// Sum of mean force x step, J. The hand comes from `at` and is at the loop's first place behind it; `rest_m`: height at
-// which the tip rests.
+// Sum of mean force x step, J. The hand comes from `at` and is at the loop's first place behind it;
+// `rest_m`: height at which the tip rests.
 [[nodiscard]] inline double energy(rig::Rig& r, const std::vector<Leg>& loop, double rest_m,
                                    Vec3& at) {
   constexpr int kStill = 60;  // ticks: the guard is behind nothing any more

@@ -47,13 +47,15 @@ struct Scene {
   std::function<double(int x, int y, int z)> sampled;
   std::function<bool(double t)> moves;  // does what is touched move, by the mask; empty: never
   std::function<bool(int x, int y, int z)> known;  // of those nodes, was it seen; empty: all were
-  // The surface itself, where the samples are fused from images of it: it is what the run is judged by. Empty: the samples are.
+  // The surface itself, where the samples are fused from images of it: it is what the run is judged
+  // by. Empty: the samples are.
   std::function<double(const Vec3& p_S)> truth;
   Pose X_WS = Pose::Identity();
   double voxel = 0.01, truncation = 0.05;
   int nodes = 28;
   bool still = false;  // the solid does not change with t: every node is computed once
-  // Method force_shading: makes the ray cast of the nodes (as published, NaN = unknown); false: as before.
+  // Method force_shading: makes the ray cast of the nodes (as published, NaN = unknown); false: as
+  // before.
   using Node = std::function<double(int x, int y, int z)>;
   std::function<bool(const Node& node, tasks::SurfacePoints& out)> cast;
   bool layer = true;  // false: no slew guard, no fade-in, no passivity controller
@@ -254,7 +256,8 @@ class Rig {
     s.config.passivity_controller = false;
     return s;
   }
-  // The ray cast of the field that was just published, at most one of those the task still reads kept.
+  // The ray cast of the field that was just published, at most one of those the task still reads
+  // kept.
   void cast() {
     const auto published = [this](int x, int y, int z) {
       return std::clamp(node(x, y, z, due_s_) + setup_.extra(x, y, z, frame_), -setup_.truncation,

@@ -18,10 +18,11 @@ namespace rig {
 struct Figures {
   double j = 0, j_raw = 0, force_max = 0, guard_share = 0, contact_share = 0;
   double f_error_p95 = 0, p_error_p95 = 0, f_error_max = 0, p_error_max = 0;  // to the optimum
-  // The same to the optimum on the samples, where the optimum above is on the surface that they were fused from.
+  // The same to the optimum on the samples, where the optimum above is on the surface that they
+  // were fused from.
   double f_error_samples_p95 = 0, p_error_samples_p95 = 0;
-  // The field optimum is the path-constrained minimiser on the samples; the guarded optimum is its force behind
-  // the slew guard: what may be sent of it.
+  // The field optimum is the path-constrained minimiser on the samples; the guarded optimum is its
+  // force behind the slew guard: what may be sent of it.
   double f_error_guarded_optimum = 0;  // p95 of guarded against field optimum
   // |dF| a tick of the guarded optimum; of a slower guard that keeps the limit of J and of the force error, if that one does.
   double j_guarded_optimum = 0;
@@ -132,10 +133,12 @@ class SlewFollower {
 
 constexpr double kForceErrorLimit_N = 0.3;
 
-// Force and position against the optimum on the samples or, where they are fused from images of a surface, on that surface
-// itself (Scene::truth), every `stride` ticks. Unused force is what the samples still allow. Only for solids that stand
-// still. `j_limit_N`: of the run; a guard of that rate is tried too. Unknown space holds no surface to be judged by (the oracle would meet a wall there): once either proxy
-// has been in it, they are compared again when the hand has been in seen-free space.
+// Force and position against the optimum on the samples or, where they are fused from images of a
+// surface, on that surface itself (Scene::truth), every `stride` ticks. Unused force is what the
+// samples still allow. Only for solids that stand still. `j_limit_N`: of the run; a guard of that
+// rate is tried too. Unknown space holds no surface to be judged by (the oracle would meet a wall
+// there): once either proxy has been in it, they are compared again when the hand has been in
+// seen-free space.
 struct Optimum {
   std::size_t row;
   Vec3 p, f;       // S

@@ -56,9 +56,10 @@ inline double saddle(const Vec3& p, double k) {
   return std::copysign((Vec3(u, v, k * (u * u - v * v)) - p).norm(), above);
 }
 
-// The same sheet for rays: of its sign, and never farther than the sheet is. Newton above finds a foot, but far from
-// the middle not always the nearest one, and a ray that steps so far is through. f = z - k (x^2 - y^2) changes by at
-// most sqrt(1 + 4 k^2 (r + d)^2) a metre within d of a point r from the axis.
+// The same sheet for rays: of its sign, and never farther than the sheet is. Newton above finds a
+// foot, but far from the middle not always the nearest one, and a ray that steps so far is through.
+// f = z - k (x^2 - y^2) changes by at most sqrt(1 + 4 k^2 (r + d)^2) a metre within d of a point r
+// from the axis.
 inline double saddle_bound(const Vec3& p, double k) {
   const double f = p.z() - k * (p.x() * p.x() - p.y() * p.y()), r = std::hypot(p.x(), p.y());
   double d = std::abs(f);

@@ -1,5 +1,6 @@
-// A witness of ticks: it sees every row of every rig (haptic_rig.hpp) of its thread while it stands, whatever the
-// caller keeps of them. The gates of the hard cases (tools/measure/stability/gates.hpp) are judged by it.
+// A witness of ticks: it sees every row of every rig (haptic_rig.hpp) of its thread while it
+// stands, whatever the caller keeps of them. The gates of the hard cases
+// (tools/measure/stability/gates.hpp) are judged by it.
 #pragma once
 
 #include <algorithm>

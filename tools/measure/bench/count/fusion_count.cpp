@@ -2,8 +2,8 @@
 //
 //   fusion_count FRAMES VOXEL_M LEVEL MOTION
 //
-// FRAMES: raw RgbdFrame records of this build, as tools/measure/bench/table1_instructions.cpp writes them. MOTION: on, off.
-// Prints how many were claimed; 1 when fewer than 98 % were.
+// FRAMES: raw RgbdFrame records of this build, as tools/measure/bench/table1_instructions.cpp
+// writes them. MOTION: on, off. Prints how many were claimed; 1 when fewer than 98 % were.
 #include <cstdio>
 #include <cstdlib>
 #include <memory>

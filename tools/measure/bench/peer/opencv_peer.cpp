@@ -1,11 +1,13 @@
-// OpenCV's rgbd parts as a dense mapper: FastICPOdometry against the ray cast of a Volume, which is what
-// cv::kinfu does and what Debian's build of the module still offers (KinFu::create itself throws there).
+// OpenCV's rgbd parts as a dense mapper: FastICPOdometry against the ray cast of a Volume, which is
+// what cv::kinfu does and what Debian's build of the module still offers (KinFu::create itself
+// throws there).
 //
 //   teletact_peer_opencv FRAMES KIND VOXEL_M EDGE     KIND: tsdf or hashtsdf
 //
-// FRAMES: a line "width height fx fy cx cy count", then depth in mm, uint16, image after image. For each index
-// on stdin one line on stdout: index, CPU ms of the whole process, 1 or 0 (tracked), R_WC row by row, t_WC.
-// One thread, no OpenCL; bilateral filter on (it is part of FastICPOdometry).
+// FRAMES: a line "width height fx fy cx cy count", then depth in mm, uint16, image after image. For
+// each index on stdin one line on stdout: index, CPU ms of the whole process, 1 or 0 (tracked),
+// R_WC row by row, t_WC. One thread, no OpenCL; bilateral filter on (it is part of
+// FastICPOdometry).
 #include <ctime>
 
 #include <cstdint>

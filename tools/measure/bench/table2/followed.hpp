@@ -1,6 +1,7 @@
-// Objects followed as fusion does it: one RGB-D frame again and again into a map, one touch an object,
-// masks, votes, summaries (perception/objects). The camera stands still and its pose is known, so what
-// is measured is what objects cost a frame, and what their labels in the map are worth.
+// Objects followed as fusion does it: one RGB-D frame again and again into a map, one touch an
+// object, masks, votes, summaries (perception/objects). The camera stands still and its pose is
+// known, so what is measured is what objects cost a frame, and what their labels in the map are
+// worth.
 #pragma once
 
 #include <cstdint>

@@ -128,8 +128,8 @@ LabelView view_of(const Labels& labels, const Picture& p) {
   return {labels.data(), p.rgb.width(), p.rgb.height(), p.rgb.width()};
 }
 
-// One seed a region of the person's map, at the pixel deepest inside it; overlap goes to the smaller d,
-// what no region reached stays one region of its own.
+// One seed a region of the person's map, at the pixel deepest inside it; overlap goes to the
+// smaller d, what no region reached stays one region of its own.
 Labels paper_protocol(const Image<std::uint16_t>& map, const perception::LabImage& lab,
                       perception::RegionGrower& grower) {
   const int w = map.width(), h = map.height();

@@ -31,7 +31,8 @@ struct Table2Result {
   int images = 0, maps = 0;
   Table2Row people, ours, odd, even, paper_protocol, mean_shift;
 
-  // Of ours: PRI >= .80, BDE <= 12.5 px, GCE <= .22, VOI <= 2.2 bit, .5 to 2 times as many regions as people see.
+  // Of ours: PRI >= .80, BDE <= 12.5 px, GCE <= .22, VOI <= 2.2 bit, .5 to 2 times as many regions
+  // as people see.
   [[nodiscard]] std::vector<Limit> limits() const;
   [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
@@ -39,7 +40,8 @@ struct Table2Result {
 };
 
 // Throws std::runtime_error with one line when the folder is not as above.
-// With ours_only neither the people, nor the paper's protocol, nor the packaged method are scored: their rows stay 0.
+// With ours_only neither the people, nor the paper's protocol, nor the packaged method are scored:
+// their rows stay 0.
 [[nodiscard]] Table2Result bench_table2(std::ostream& progress, const std::string& folder,
                                         bool ours_only = false,
                                         const perception::WholeImageConfig& config = {});

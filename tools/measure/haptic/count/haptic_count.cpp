@@ -1,9 +1,11 @@
-// Ticks of a recorded haptic run, for callgrind to count, and for the guard against allocations and locks.
+// Ticks of a recorded haptic run, for callgrind to count, and for the guard against allocations and
+// locks.
 //
 //   haptic_count RUN TICKS [EFFECT]
 //
-// EFFECT: none, friction, texture, bump_normal, viscosity, materials. Prints the ticks served, of them in contact, and what the guard counted inside of step().
-// Built twice: with the effects, and without them.
+// EFFECT: none, friction, texture, bump_normal, viscosity, materials. Prints the ticks served, of
+// them in contact, and what the guard counted inside of step(). Built twice: with the effects, and
+// without them.
 #include <cstdio>
 #include <cstdlib>
 #include <string>

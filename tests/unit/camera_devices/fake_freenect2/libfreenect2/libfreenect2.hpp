@@ -1,4 +1,5 @@
-// A stand-in for libfreenect2 with the declarations that the driver uses, and a device that the tests command.
+// A stand-in for libfreenect2 with the declarations that the driver uses, and a device that the
+// tests command.
 #pragma once
 
 #include <cstdint>

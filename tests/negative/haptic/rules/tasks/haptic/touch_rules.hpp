@@ -1,5 +1,6 @@
-// The rules of touch, each broken on purpose when `broken_now` says so: the judges of the hard cases
-// have to see it. In this target's include path the file stands before the product's of that name.
+// The rules of touch, each broken on purpose when `broken_now` says so: the judges of the hard
+// cases have to see it. In this target's include path the file stands before the product's of that
+// name.
 #pragma once
 
 #include <algorithm>
