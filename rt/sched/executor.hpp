@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "rt/sched/job_record.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/sched/task.hpp"
 
 namespace rt {

@@ -2,11 +2,11 @@
 // thread.
 #pragma once
 
-#include "rt/sched/job_record.hpp"
+#include "rt/clock/tick.hpp"
 #include "rt/health.hpp"
 #include "rt/sched/fork_join.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/sched/task_spec.hpp"
-#include "rt/clock/tick.hpp"
 
 namespace rt {
 

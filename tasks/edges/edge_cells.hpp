@@ -20,9 +20,9 @@
 #include <vector>
 
 #include "drivers/link/encoded_frame.hpp"
-#include "rt/sched/job_record.hpp"
 #include "rt/channel/latest.hpp"
 #include "rt/channel/ring.hpp"
+#include "rt/sched/job_record.hpp"
 #include "tasks/contract/fields.hpp"
 #include "tasks/contract/table.hpp"
 #include "tasks/edges/edge_faults.hpp"

@@ -23,9 +23,9 @@
 #include <cstdint>
 
 #include "drivers/link/messages.hpp"
+#include "rt/clock/tick.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/operator_act.hpp"
 #include "tasks/contract/table.hpp"

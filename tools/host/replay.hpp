@@ -14,10 +14,10 @@
 #include <string>
 #include <vector>
 
-#include "rt/sched/job_record.hpp"
 #include "rt/fault/plan.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"
+#include "rt/sched/job_record.hpp"
 #include "tasks/graph/samples.hpp"
 #include "tools/record/input_record.hpp"
 #include "tools/scene/scene.hpp"
