@@ -98,9 +98,10 @@ class DeskActs {
     std::optional<double> from_s;
   };
   struct Goals {
-    std::uint64_t asked =
-        0;                   // by acts: marks and places; of the task's marks all more are a hand's
-    std::uint64_t mark = 0;  // whose goal is the newest of them; 0: a place, or it is dropped
+    // By acts: marks and places. Of the task's marks all more are the haptic hand's.
+    std::uint64_t asked = 0;
+    std::uint64_t mark = 0;        // whose goal is the newest of them; 0: a place, or it is dropped
+    std::uint64_t hand_marks = 0;  // when the newest act asked: each later one has the goal now
   };
   struct WaitingEngage {
     std::uint32_t session = 0;
@@ -114,6 +115,10 @@ class DeskActs {
   [[nodiscard]] ConsoleAnswer unmark(std::uint64_t id, rt::Time now);
   [[nodiscard]] ConsoleAnswer go_to(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer cancel(rt::Time now);
+  // The haptic hand has made a mark since an act asked for a goal: the newest goal is the hand's.
+  [[nodiscard]] bool goal_is_the_hands() const;
+  [[nodiscard]] std::uint64_t hand_marks() const;
+  void note_goal(std::uint64_t mark);
   [[nodiscard]] ConsoleAnswer draw(const DrawnObstacle& o, rt::Time now, bool undoable);
   [[nodiscard]] ConsoleAnswer drawn(const DrawnObstacle& o) const;
   [[nodiscard]] ConsoleAnswer erase(std::uint16_t id, rt::Time now, bool undoable);

@@ -97,8 +97,7 @@ ConsoleAnswer DeskActs::mark(const Intent& in, rt::Time now) {
   act.normal_W = facing(act.p_W, console_.seen().camera.X_WC);
   if (!push(act, now)) return no(kRingFull);
   show_mark({++mark_id_, in.points_W});
-  ++goals_.asked;
-  goals_.mark = mark_id_;
+  note_goal(mark_id_);
   steps_.mark = true;
   undo_.add({UndoStep::Kind::kMark, {}, marks_.back(), 0});
   events_.add(now, "mark", "mark " + std::to_string(mark_id_) + " at " + at_text(act.p_W));
@@ -110,7 +109,7 @@ ConsoleAnswer DeskActs::unmark(std::uint64_t id, rt::Time now) {
   const auto known =
       std::find_if(marks_.begin(), marks_.end(), [id](const ShownMark& m) { return m.id == id; });
   if (known == marks_.end()) return no("no such mark is drawn");
-  if (goals_.mark == id && !cancel(now).ok) return no(kRingFull);
+  if (goals_.mark == id && !goal_is_the_hands() && !cancel(now).ok) return no(kRingFull);
   undo_.add({UndoStep::Kind::kUnmark, {}, *known, 0});
   marks_.erase(known);
   events_.add(now, "mark", "mark " + std::to_string(id) + " deleted");
@@ -132,6 +131,19 @@ ConsoleAnswer DeskActs::cancel(rt::Time now) {
   return yes();
 }
 
+std::uint64_t DeskActs::hand_marks() const {
+  return console_.seen().task.marks -
+         std::min<std::uint64_t>(console_.seen().task.marks, goals_.asked);
+}
+
+bool DeskActs::goal_is_the_hands() const { return hand_marks() > goals_.hand_marks; }
+
+void DeskActs::note_goal(std::uint64_t mark) {
+  goals_.hand_marks = hand_marks();
+  ++goals_.asked;
+  goals_.mark = mark;
+}
+
 ConsoleAnswer DeskActs::go_to(const Intent& in, rt::Time now) {
   if (const std::string why = no_goal_now(console_.seen()); !why.empty()) return no(why);
   const std::string beyond = beyond_floor(*console_.seen().map, in.p_W.x(), in.p_W.y());
@@ -142,8 +154,7 @@ ConsoleAnswer DeskActs::go_to(const Intent& in, rt::Time now) {
   act.turns = in.turns;
   act.yaw_rad = in.yaw_rad;
   if (!push(act, now)) return no(kRingFull);
-  ++goals_.asked;
-  goals_.mark = 0;
+  note_goal(0);
   undo_.add({UndoStep::Kind::kGoal, {}, {}, 0});
   events_.add(now, "go to", at_text(act.p_W));
   return yes();

@@ -30,9 +30,10 @@ ConsoleAnswer DeskActs::take_back(UndoStep& step, rt::Time now) {
     case UndoStep::Kind::kObstacles:
       return put_back_obstacles(step, now);
     case UndoStep::Kind::kGoal:
-      return cancel(now);
+      if (!goal_is_the_hands()) answer = cancel(now);
+      return answer;
     case UndoStep::Kind::kMark:
-      answer = cancel(now);
+      if (!goal_is_the_hands()) answer = cancel(now);
       if (answer.ok) hide_mark(step.mark.id);
       return answer;
     case UndoStep::Kind::kUnmark:
@@ -61,9 +62,12 @@ ConsoleAnswer DeskActs::put_back_obstacles(UndoStep& step, rt::Time now) {
 std::string DeskActs::text_of(const UndoStep& step) const {
   switch (step.kind) {
     case UndoStep::Kind::kGoal:
-      return "the goal is dropped";
+      return goal_is_the_hands() ? "the goal has long given way to the hand's mark, which stays"
+                                 : "the goal is dropped";
     case UndoStep::Kind::kMark:
-      return "mark " + std::to_string(step.mark.id) + " and its goal are gone";
+      return "mark " + std::to_string(step.mark.id) +
+             (goal_is_the_hands() ? " is gone; the goal of the hand's mark stays"
+                                  : " and its goal are gone");
     case UndoStep::Kind::kUnmark:
       return "mark " + std::to_string(step.mark.id) + " is drawn again";
     case UndoStep::Kind::kObject:

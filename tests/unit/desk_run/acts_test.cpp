@@ -69,6 +69,42 @@ TEST(DeskRun, ATouchGoesOnWhileThePointerRestsAndATapIsNotRefused) {
   EXPECT_THAT(contact, testing::ElementsAre(true, true, false));
 }
 
+// A later mark of the haptic hand has the goal: taking back the page's does not drop it.
+TEST(DeskRun, UndoOfAMarkLeavesTheGoalThatTheHandHasMarkedSince) {
+  auto s = desk_run::scene();
+  Person p;
+  p.viewers = 1;
+  json before, after;
+  std::int64_t undo = 0;
+  const auto press = [](bool button) {
+    json h = hand(1.85, -0.38, true);
+    h["button"] = button;
+    return h;
+  };
+  p.act = [&](double t) {
+    if (p.once("mark", t, 1.0))
+      p.say({{"act", "mark"}, {"points", {{1.2, 0.7, 0.0}, {1.25, 0.7, 0.0}}}});
+    if (p.once("press", t, 2.0)) {
+      p.holds = json::array({"hand"});
+      p.say({{"act", "token"}, {"holds", {"hand"}}});
+      p.say(press(false));
+    }
+    if (p.once("draw", t, 3.5)) p.say(press(true));
+    if (p.once("drawn", t, 4.0)) p.say(press(false));
+    if (p.once("leave", t, 4.5)) p.holds = json::array();
+    if (p.once("look", t, 5.4)) before = json::parse(p.text);
+    if (p.once("undo", t, 5.5)) undo = p.say({{"act", "undo"}});
+    if (p.once("look again", t, 6.4)) after = json::parse(p.text);
+  };
+  static_cast<void>(desk_run::run(*s, 6.6, p));
+  ASSERT_FALSE(before["marked"].is_null());
+  EXPECT_NEAR(before["marked"][0], 1.85, 0.1) << "the hand's mark has the goal";
+  EXPECT_TRUE(p.answers[undo].ok) << p.answers[undo].why;
+  EXPECT_THAT(p.answers[undo].result, HasSubstr("the goal of the hand's mark stays"));
+  EXPECT_TRUE(after["marks"].empty());
+  EXPECT_EQ(after["marked"], before["marked"]);
+}
+
 TEST(DeskRun, EachActIsOneUndoAndWhatIsForgottenDoesNotComeBack) {
   auto s = desk_run::scene();
   Person p;
