@@ -110,6 +110,10 @@ tasks::BestEffortShares declared_shares(const Scene& scene, const tasks::Calibra
   return shares;
 }
 
+double declared_link_share(const Scene& scene) {
+  return 2 * tasks::BestEffortShares{}.link + picture_cost_of(scene).decode_share;
+}
+
 namespace {
 
 HostPlan admit_some(const Scene& scene, const tasks::Calibration& given,

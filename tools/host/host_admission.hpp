@@ -45,6 +45,9 @@ struct HostPlan {
                                                       const tasks::Calibration& calibration,
                                                       bool page);
 
+// Of them the link's threads, of a core: what the scene's codecs take to decode included.
+[[nodiscard]] double declared_link_share(const Scene& scene);
+
 // `only_choice`: the one static choice to take ("20 mm"), for calibration; empty: the best that
 // fits.
 [[nodiscard]] HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,

@@ -17,6 +17,7 @@
 #include "tools/host/run_options.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/host/task_times.hpp"
+#include "tools/measure/bench/tree_commit.hpp"
 
 namespace teletact {
 
@@ -182,7 +183,7 @@ std::string DaysResult::page(const std::string& command) const {
   char text[1000];
   std::snprintf(text, sizeof text,
                 "# Runs for days\n\n"
-                "Command: `%s`. Commit: not recorded. Machine: %s.\n"
+                "Command: `%s`. Commit: %s. Machine: %s.\n"
                 "Method and limits: `docs/storage.md`.\n\n"
                 "| figure | value | limit |\n|---|---|---|\n"
                 "| simulated time | %.2f h | |\n"
@@ -194,9 +195,10 @@ std::string DaysResult::page(const std::string& command) const {
                 "| resident at the end | %.1f MiB | 2 %% more |\n"
                 "| stores of both boxes at most | %.1f MiB | %.0f MiB |\n"
                 "| report | %.1f s | 30 s |\n",
-                command.c_str(), host.c_str(), hours, wall_s, static_cast<unsigned long long>(jobs),
-                static_cast<unsigned long long>(whole), static_cast<unsigned long long>(lost),
-                first_MiB, last_MiB, disk_MiB, cap_MiB, report_s);
+                command.c_str(), tree_commit().c_str(), host.c_str(), hours, wall_s,
+                static_cast<unsigned long long>(jobs), static_cast<unsigned long long>(whole),
+                static_cast<unsigned long long>(lost), first_MiB, last_MiB, disk_MiB, cap_MiB,
+                report_s);
   return text;
 }
 

@@ -28,7 +28,8 @@ LinkBenchResult just_good() {
     row.thin_spared = row.wide_spared = 0.5;
     row.felt_p95_ms = 140;
     row.felt = 9;
-    row.drive = {true, 6, {395, 1}};
+    row.link_cpu = row.link_declared = 0.2;
+    row.drive = {true, 6, {395, 1}, {400, 1}};
   }
   LinkPairs& pairs = r.pairs.emplace();
   pairs.idle.tick_instructions = pairs.saturated.tick_instructions = 5714;
@@ -77,6 +78,9 @@ TEST(LinkBench, EachLimitCanBeMissed) {
       },
       [](LinkBenchResult& r) { r.pairs->saturated.own_misses = 1; },
       [](LinkBenchResult& r) { r.pairs->saturated.tick_instructions = 5715; }};
+  for (const char* run : {"rest", "strict", "lenient", "saturated"})
+    spoils.push_back(row(run, &LinkRow::link_cpu, 0.201));
+  spoils.push_back([](LinkBenchResult& r) { r.rows["drive_loss"].drive.gaps = {401, 1}; });
   for (const char* run : {"drive_loss", "drive_stall"}) {
     spoils.push_back([run](LinkBenchResult& r) { r.rows[run].drive.arrived = false; });
     spoils.push_back([run](LinkBenchResult& r) { r.rows[run].drive.time_s = 9.1; });
@@ -136,6 +140,8 @@ TEST(LinkBench, WhatWasNotMeasuredSaysWhy) {
   LinkBenchResult stood = just_good();
   stood.rows["drive_stall"].drive.silence = {0, 0};
   EXPECT_EQ(count(stood.limits(), Limit::State::kNotMeasured), 1);
+  stood.rows["drive_loss"].drive.gaps = {0, 0};
+  EXPECT_EQ(count(stood.limits(), Limit::State::kNotMeasured), 2);
 }
 
 TEST(LinkBench, ItsFiguresHaveTheirNames) {

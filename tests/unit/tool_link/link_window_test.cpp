@@ -105,6 +105,29 @@ TEST(LinkWindow, HowLongABaseMovesAfterASilence) {
   EXPECT_NEAR(s.stands_ms, 470, 1e-6) << "at the second one it never stood";
 }
 
+// A sample each 10 ms, a goal each 100 ms. The second goal is the last for 400 ms: the base, at
+// 0.3 m/s, stands 250 ms after it. A gap while it stands tells nothing.
+TEST(LinkWindow, AGapInTheGoals) {
+  std::vector<tasks::RobotSample> robot;
+  for (int ms = 0; ms < 2000; ms += 10) {
+    tasks::RobotSample s;
+    s.stamp = rt::Time{} + rt::Nanos{ms * kMs};
+    s.goal_seq = ms < 100    ? 1U
+                 : ms < 500  ? 2U
+                 : ms < 1000 ? 1U + static_cast<unsigned>(ms) / 100U
+                             : 20U;
+    s.driving = ms < 1000;
+    const bool stands = (ms > 350 && ms < 500) || ms >= 1000;
+    s.speed_m_per_s = stands ? 0.0F : 0.3F;
+    robot.push_back(s);
+  }
+  const Silence s = after_gaps(robot, 150);
+  EXPECT_EQ(s.driving, 1);
+  EXPECT_NEAR(s.stands_ms, 250, 1e-6);
+  EXPECT_EQ(after_gaps(robot, 450).driving, 0);
+  EXPECT_EQ(after_gaps({}, 150).driving, 0);
+}
+
 TEST(LinkWindow, FromTheExposureToTheForceThatKnowsIt) {
   std::vector<tasks::FusionSample> fusion;
   for (int i = 0; i < 10;

@@ -8,6 +8,7 @@
 #include "rt/quantile.hpp"
 #include "tools/measure/bench/console/console_bench.hpp"
 #include "tools/measure/bench/paired.hpp"
+#include "tools/measure/bench/tree_commit.hpp"
 
 namespace teletact {
 
@@ -240,7 +241,7 @@ void ConsoleBenchResult::print(std::ostream& out) const {
 std::string ConsoleBenchResult::page(const std::string& command) const {
   std::ostringstream text;
   text << "# The operator's page beside its box\n\nCommand: `" << command
-       << "`. Commit: not recorded. Machine: " << host
+       << "`. Commit: " << tree_commit() << ". Machine: " << host
        << ".\nMethod and limits: `docs/console.md`, The bench. Made by `--write`.\n\n```\n";
   print(text);
   text << "```\n";

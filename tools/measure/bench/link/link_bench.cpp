@@ -8,6 +8,7 @@
 #include "drivers/codec/colour_stream.hpp"
 #include "rt/quantile.hpp"
 #include "tasks/graph/calibration.hpp"
+#include "tools/host/host_admission.hpp"
 #include "tools/measure/bench/link/link_depth.hpp"
 #include "tools/measure/bench/link/link_rig.hpp"
 #include "tools/measure/tun_road/tun_device.hpp"
@@ -32,6 +33,9 @@ constexpr const char* kPairs = "pairs";
 // After the road fell silent: what left before still arrives (kPath_ms), and until the first that
 // was held up arrives.
 constexpr double kUntil_ms = kStall_ms + 75;
+// A new goal is made each 100 ms, and up to 20 ms of jitter are on the way: longer without one, and
+// one was held up.
+constexpr double kGap_ms = 150;
 
 Words road_keys(const Words& more = {}) {
   Words keys{"rate_Mbit_per_s=10", "queue_kB=200", "delay_ms=75", "jitter_ms=20", "seed=1"};
@@ -138,6 +142,7 @@ void judge_drive(const RigRun& run, const RigResult& r, LinkRow& row) {
   row.drive.arrived = v.arrivals > 0 && !v.paths.empty();
   row.drive.time_s =
       row.drive.arrived ? rt::seconds(v.first_arrival - v.paths.front().mark_stamp) : kNaN;
+  row.drive.gaps = after_gaps(r.robot.view.robot, kGap_ms);
   if (!is(run, "drive_stall")) return;
   std::vector<std::int64_t> silences;
   for (double at = kFirstStall_at_s; at < run.seconds + 20; at += kStallEvery_s)
@@ -155,6 +160,15 @@ void judge_depth(const RigRun& run, const RigResult& r, LinkRow& row) {
   row.depth_problem = d.problem;
 }
 
+void judge_cpu(const RigRun& run, const RigResult& r, LinkRow& row) {
+  auto keys = run.keys;
+  row.link_declared = declared_link_share(*load_scene(find_config("scenes", run.scene), keys));
+  row.link_cpu = 0;
+  for (const auto* o : {&r.op.ordinary, &r.robot.ordinary})
+    row.link_cpu +=
+        o->span_ns > 0 ? static_cast<double>(o->link_ns) / static_cast<double>(o->span_ns) : kNaN;
+}
+
 LinkRow judge(const RigRun& run, const RigResult& r) {
   LinkRow row;
   row.problem = r.problem;
@@ -166,6 +180,7 @@ LinkRow judge(const RigRun& run, const RigResult& r) {
   row.operator_congestion = r.operator_congestion;
   row.depth_over_sensor = row.over_stall_ms = row.after_rate_p95_ms = row.felt_p95_ms = kNaN;
   judge_windows(run, r, row);
+  judge_cpu(run, r, row);
   if (run.name.rfind("drive", 0) == 0) judge_drive(run, r, row);
   if (is(run, "rest")) judge_felt(r, row);
   if (run.record) judge_depth(run, r, row);

@@ -39,7 +39,8 @@ struct LinkBenchOptions {
 struct LinkDrive {
   bool arrived = false;  // with one engage: the person at the desk does not press again
   double time_s = 0;     // from the mark to the arrival
-  Silence silence;
+  Silence silence;       // drive_stall: after the road fell silent
+  Silence gaps;          // after the last goal before a gap in them
 };
 
 // One run, as far as it came.
@@ -57,6 +58,7 @@ struct LinkRow {
   double felt_p95_ms = 0;              // rest: from an exposure to the first force that knows it
   int felt = 0;                        // images that were felt
   std::vector<Stages_ms> felt_stages;  // rest: where that time went, of each
+  double link_cpu = 0, link_declared = 0;  // of a core: the link's threads of both boxes
   LinkDrive drive;
 };
 

@@ -3,6 +3,9 @@
 //
 // Idle: the base stands, depth codec `quiet`, a quarter of the road. Saturated: lossless depth,
 // four times what the road carries. The hand touches in both.
+//
+// The instructions of a tick are those of a virtual run in free air: that no code of the link runs
+// in a tick. What a tick of a hand in contact does depends on the pictures that have come.
 #pragma once
 
 #include <array>

@@ -7,6 +7,7 @@
 #include "rt/quantile.hpp"
 #include "tools/measure/bench/link/link_bench.hpp"
 #include "tools/measure/bench/paired.hpp"
+#include "tools/measure/bench/tree_commit.hpp"
 
 namespace teletact {
 
@@ -16,6 +17,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kNotRun = "it was not run";
 // docs/faults.md: a silent road stops the base within 300 ms and the way.
 constexpr double kStandsWithin_ms = 300 + 95;
+// Of goals the robot's box knows when the last new one came; it is sent again for up to 100 ms.
+constexpr double kStandsAfterGoal_ms = 300 + 100;
 
 class Judge {
  public:
@@ -163,6 +166,15 @@ std::vector<Limit> LinkBenchResult::limits() const {
         all, what + ": time over the clean road's", what, "<=", 1.5,
         [&](const LinkRow& r) { return ratio(&r, j.row("drive")); }, true, clean);
   }
+  for (const char* name : {"rest", "strict", "lenient", "saturated"})
+    j.add(all, std::string(name) + ": CPU of the link's threads over its declared share", name,
+          "<=", 1, [](const LinkRow& r) { return r.link_cpu / r.link_declared; });
+  const LinkRow* lossy = j.row("drive_loss");
+  j.add(
+      all, "drive_loss: base moves after the last goal before a gap, ms", "drive_loss",
+      "<=", kStandsAfterGoal_ms, [](const LinkRow& r) { return r.drive.gaps.stands_ms; }, false,
+      lossy != nullptr && lossy->drive.gaps.driving > 0 ? ""
+                                                        : "no goal was held up while it drove");
   const LinkRow* stalled = j.row("drive_stall");
   const bool drove = stalled != nullptr && stalled->drive.silence.driving > 0;
   j.add(
@@ -183,6 +195,7 @@ std::vector<BenchMetric> LinkBenchResult::metrics() const {
     all.push_back({prefix + ".age_p95_ms", r->window.age_p95_ms, "ms"});
     all.push_back({prefix + ".state_age_p95_ms", r->window.state_p95_ms, "ms"});
     all.push_back({prefix + ".mbit_s", r->window.mbit_s, "Mbit/s"});
+    all.push_back({prefix + ".cpu_share", r->link_cpu, "1"});
     if (!std::isnan(r->depth_over_sensor))
       all.push_back({prefix + ".depth_err_over_sensor", r->depth_over_sensor, "1"});
   };
@@ -219,16 +232,17 @@ void LinkBenchResult::print(std::ostream& out) const {
     return;
   }
   char line[240];
-  std::snprintf(line, sizeof line, "%-12s %8s %6s %8s %8s %8s %8s %8s %7s %7s  %s\n", "run", "s",
-                "fps", "age p50", "age p95", "age max", "state95", "Mbit/s", "spared", "others",
-                "congestion");
+  std::snprintf(line, sizeof line, "%-12s %8s %6s %8s %8s %8s %8s %8s %7s %7s %7s  %s\n", "run",
+                "s", "fps", "age p50", "age p95", "age max", "state95", "Mbit/s", "spared", "CPU",
+                "others", "congestion");
   out << line;
   for (const auto& [name, r] : rows) {
     const LinkWindow& w = r.window;
     std::snprintf(line, sizeof line,
-                  "%-12s %8.1f %6.1f %8.0f %8.0f %8.0f %8.0f %8.2f %7.2f %7.2f  %s\n", name.c_str(),
-                  w.seconds, w.fps, w.age_p50_ms, w.age_p95_ms, w.age_max_ms, w.state_p95_ms,
-                  w.mbit_s, w.spared_share, r.others_cores, congestion_text(r).c_str());
+                  "%-12s %8.1f %6.1f %8.0f %8.0f %8.0f %8.0f %8.2f %7.2f %7.3f %7.2f  %s\n",
+                  name.c_str(), w.seconds, w.fps, w.age_p50_ms, w.age_p95_ms, w.age_max_ms,
+                  w.state_p95_ms, w.mbit_s, w.spared_share, r.link_cpu, r.others_cores,
+                  congestion_text(r).c_str());
     out << line;
     if (!r.problem.empty()) out << "             " << r.problem << "\n";
   }
@@ -236,23 +250,25 @@ void LinkBenchResult::print(std::ostream& out) const {
     const auto at = rows.find(name);
     if (at == rows.end()) continue;
     const LinkDrive& d = at->second.drive;
-    std::snprintf(line, sizeof line,
-                  "%s: %s, %.1f s; at %d silences it drove, and moved on "
-                  "for %.0f ms at most\n",
-                  name, d.arrived ? "arrived" : "did not arrive", d.time_s, d.silence.driving,
-                  d.silence.stands_ms);
+    std::snprintf(
+        line, sizeof line,
+        "%s: %s, %.1f s; at %d silences it drove, and moved on for %.0f ms at most; at %d "
+        "gaps in the goals, for %.0f ms\n",
+        name, d.arrived ? "arrived" : "did not arrive", d.time_s, d.silence.driving,
+        d.silence.stands_ms, d.gaps.driving, d.gaps.stands_ms);
     out << line;
   }
   print_stages(out, rows);
   if (pairs) print_pairs(out, *pairs);
-  out << "ages in ms; others: cores that other work took; congestion: read back by both boxes\n";
+  out << "ages in ms; CPU: of the link's threads of both boxes, of a core; others: cores that "
+         "other work took; congestion: read back by both boxes\n";
   teletact::print(out, limits());
 }
 
 std::string LinkBenchResult::page(const std::string& command) const {
   std::ostringstream text;
   text << "# The link over a road of packets\n\nCommand: `" << command
-       << "`. Commit: not recorded. Machine: " << host
+       << "`. Commit: " << tree_commit() << ". Machine: " << host
        << ".\nMethod and limits: `docs/network.md`, The bench. Made by `--write`.\n\n```\n";
   print(text);
   text << "```\n";

@@ -114,6 +114,28 @@ Silence after_silences(const std::vector<tasks::RobotSample>& robot,
   return out;
 }
 
+Silence after_gaps(std::span<const tasks::RobotSample> robot, double least_ms) {
+  Silence out;
+  for (std::size_t i = 0; i < robot.size();) {
+    std::size_t next = i;
+    double moved_ms = 0, last_ms = 0;
+    while (next < robot.size() && robot[next].goal_seq == robot[i].goal_seq) {
+      last_ms =
+          1e-6 * static_cast<double>(rt::ns_of(robot[next].stamp) - rt::ns_of(robot[i].stamp));
+      if (static_cast<double>(robot[next].speed_m_per_s) > kStands_m_per_s) moved_ms = last_ms;
+      ++next;
+    }
+    const bool drove =
+        robot[i].driving && static_cast<double>(robot[i].speed_m_per_s) > kStands_m_per_s;
+    if (drove && last_ms > least_ms) {
+      ++out.driving;
+      out.stands_ms = std::max(out.stands_ms, moved_ms);
+    }
+    i = next;
+  }
+  return out;
+}
+
 std::vector<Felt> felt_images(std::span<const tasks::HapticSample> haptic,
                               std::span<const tasks::FusionSample> fusion) {
   std::vector<Felt> out;

@@ -59,6 +59,10 @@ struct Silence {
 [[nodiscard]] Silence after_silences(const std::vector<tasks::RobotSample>& robot,
                                      std::span<const std::int64_t> silences_ns, double until_ms);
 
+// The same after the last new goal before each gap of more than `least_ms` in them, as the robot's
+// box counts them; looked at until the next one.
+[[nodiscard]] Silence after_gaps(std::span<const tasks::RobotSample> robot, double least_ms);
+
 // An image that the map took in, and the first tick of the hand in contact whose force knows it.
 struct Felt {
   const tasks::FusionSample* image = nullptr;
