@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "config/schema.hpp"
 #include "rt/clock/box_time.hpp"
@@ -53,6 +54,7 @@ void Desk::role(const RoleEvent& event) {
   const bool mine = event.person.role == ConsoleRole::kOperator;
   DeskItem item;
   item.session = event.person.session;
+  item.who = event.person.name + " (session " + std::to_string(event.person.session) + ")";
   item.arrived_ns = clock_ns();
   if (event.kind == Kind::kLeft && mine)
     item.kind = DeskItem::Kind::kLeft;
@@ -65,20 +67,28 @@ void Desk::role(const RoleEvent& event) {
 
 void Desk::answer(std::uint32_t session, std::int64_t id, const ConsoleAnswer& a) {
   if (!a.ok) refused_.fetch_add(1);
+  events_.note(now_, "answer",
+               "session " + std::to_string(session) + ", " + std::to_string(id) + ": " +
+                   (a.ok ? std::string("done") : "refused: " + a.why));
   if (port_.answer) port_.answer(session, id, a);
 }
 
 void Desk::do_acts(rt::Time now) {
   const std::int64_t clock = clock_ns();
+  const rt::Time before = std::exchange(now_, now);
   const auto said = [&](const DeskItem& item) {
     figures_.intent_ms.add(1e-6 * static_cast<double>(clock - item.arrived_ns));
-    return now - rt::Nanos{std::max<std::int64_t>(0, clock - item.arrived_ns)};
+    const rt::Time at = now - rt::Nanos{std::max<std::int64_t>(0, clock - item.arrived_ns)};
+    // A paced clock may be slower than the one of arrivals; but it came after the last look.
+    return options_.paced ? std::max(at, std::min(before, now)) : at;
   };
   for (const DeskItem& item : inbox_.take()) {
     if (item.kind == DeskItem::Kind::kLeft) {
       acts_.left();
       events_.add(now, "page", "the operator's page is gone");
+      events_.note(now, "role", item.who + " has left");
     } else if (item.kind == DeskItem::Kind::kJoined) {
+      events_.note(now, "role", item.who + " acts from now on");
       acts_.left();
       acts_.keep(now, [this](auto s, auto id, const auto& a) { answer(s, id, a); });
       acts_.joined();
@@ -87,8 +97,12 @@ void Desk::do_acts(rt::Time now) {
                                   ? acts_.drive(item.intent, said(item), now)
                                   : acts_.hand(item.intent, now);
       if (!why.empty()) answer(item.session, item.id, {false, why, {}});
-    } else if (auto a = acts_.act(item, said(item), now)) {
-      answer(item.session, item.id, *a);
+    } else {
+      if (item.intent.act != Act::kToken)
+        events_.note(now, "act",
+                     "session " + std::to_string(item.session) + ", " + std::to_string(item.id) +
+                         ": " + std::string(name_of(item.intent.act)));
+      if (auto a = acts_.act(item, said(item), now)) answer(item.session, item.id, *a);
     }
   }
 }

@@ -77,6 +77,7 @@ class Desk {
   DeskActs acts_;
   DeskFigures figures_;
   DeskShow show_;
+  rt::Time now_{};  // of the last look at what has come
   std::atomic<std::uint64_t> refused_{0};
 };
 

@@ -44,11 +44,12 @@ bool waits_for_opening(Act act) {
 
 }  // namespace
 
-const std::vector<std::string_view>& DeskActs::can() {
-  static const std::vector<std::string_view> all = {
-      "engage", "hold",   "clear", "stop",  "token",  "hand",  "drive", "mark",
-      "go_to",  "cancel", "draw",  "erase", "forget", "undo",  "note",  "select",
-      "accept", "device", "save",  "open",  "record", "unmark"};
+std::vector<std::string_view> DeskActs::can() const {
+  std::vector<std::string_view> all = {"engage", "hold",   "clear",  "stop",   "token",  "drive",
+                                       "mark",   "go_to",  "cancel", "draw",   "erase",  "forget",
+                                       "undo",   "note",   "select", "accept", "device", "save",
+                                       "open",   "record", "unmark"};
+  if (hand_ != nullptr && hand_->takes_over()) all.emplace_back("hand");
   return all;
 }
 
@@ -210,8 +211,10 @@ void DeskActs::keep_clear(rt::Time now) {
 }
 
 void DeskActs::stop() noexcept {
-  box_.graph().requests().ramp_down.store(true);
+  // Counted first: keep_stop(), which may just take back the request of an earlier stop, then sees
+  // this one and asks again.
   stops_.fetch_add(1);
+  box_.graph().requests().ramp_down.store(true);
 }
 
 // The request stays until it was followed, and so long that every task has latched it. A program
@@ -220,6 +223,7 @@ void DeskActs::keep_stop(rt::Time now) {
   constexpr rt::Nanos kLeast = std::chrono::milliseconds{300}, kMost = std::chrono::seconds{2};
   if (const std::uint64_t stops = stops_.load(); stops != stops_seen_) {
     stops_seen_ = stops;
+    box_.graph().requests().ramp_down.store(true);
     stop_from_ = now;
     engage_wanted_ = false;
     drive_hold_.lose();

@@ -46,8 +46,8 @@ class DeskActs {
  public:
   static constexpr std::size_t kMostObstacles = SavedSession::kMostObstacles,
                                kMostMarks = SavedSession::kMostMarks;
-  // What of `can` this build does.
-  [[nodiscard]] static const std::vector<std::string_view>& can();
+  // Names of the acts that are taken here; `hand` not where a haptic device is in its place.
+  [[nodiscard]] std::vector<std::string_view> can() const;
 
   // `hand` null: the device's own hand alone. `clicks_at_once`: see ClickWorker.
   DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand,

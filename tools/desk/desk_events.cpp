@@ -1,5 +1,6 @@
 #include "tools/desk/desk_events.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "tools/desk/desk_words.hpp"
@@ -22,6 +23,17 @@ void DeskEvents::add(rt::Time now, std::string kind, std::string text) {
   ++all_;
   events_.push_back({t_s, std::move(kind), std::move(text)});
   if (events_.size() > kMost) events_.pop_front();
+}
+
+void DeskEvents::note(rt::Time now, std::string_view kind, std::string_view text) {
+  if (!file_ || logged_bytes_ > kMostLogged) return;
+  const int n = std::fprintf(file_.get(), "%.3f %.*s %.*s\n", rt::seconds(now - epoch_),
+                             static_cast<int>(kind.size()), kind.data(),
+                             static_cast<int>(text.size()), text.data());
+  std::fflush(file_.get());
+  logged_bytes_ += static_cast<std::uint64_t>(std::max(0, n));
+  if (logged_bytes_ > kMostLogged)
+    std::fprintf(file_.get(), "acts and answers are not logged from here on: too many\n");
 }
 
 void DeskEvents::watch(const OperatorView& seen, rt::Time now) {

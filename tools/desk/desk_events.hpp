@@ -6,6 +6,7 @@
 #include <deque>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "tools/host/console.hpp"
 
@@ -22,6 +23,9 @@ class DeskEvents {
   // `path` empty: no file.
   DeskEvents(rt::Time epoch, const std::string& path);
   void add(rt::Time now, std::string kind, std::string text);
+  // In the file alone: acts, answers, roles. From kMostLogged bytes on nothing more of these.
+  void note(rt::Time now, std::string_view kind, std::string_view text);
+  static constexpr std::uint64_t kMostLogged = 64U << 20U;
   // Since the epoch of the run.
   [[nodiscard]] double seconds_at(rt::Time now) const { return rt::seconds(now - epoch_); }
   // Tells of what has changed since the last look: mode, phase, faults.
@@ -39,7 +43,7 @@ class DeskEvents {
   rt::Time epoch_;
   std::unique_ptr<std::FILE, Close> file_;
   std::deque<Event> events_;
-  std::uint64_t all_ = 0;
+  std::uint64_t all_ = 0, logged_bytes_ = 0;
   tasks::Mode mode_ = tasks::Mode::kInit;
   rt::FaultId cause_ = rt::kNoFault;
   std::uint16_t robot_fault_ = 0;

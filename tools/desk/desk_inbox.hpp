@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <deque>
 #include <mutex>
+#include <string>
 
 #include "tools/desk/intents/intent.hpp"
 
@@ -24,6 +25,7 @@ struct DeskItem {
   std::int64_t id = 0;
   std::int64_t arrived_ns = 0;  // by the clock that the desk was given
   Intent intent;
+  std::string who;  // kJoined, kLeft: in words
 };
 
 class DeskInbox {

@@ -233,7 +233,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
                       {"stop", s.stop}};
   json can = json::array();
   if (facts.takes_acts)
-    for (const std::string_view name : DeskActs::can()) can.push_back(std::string(name));
+    for (const std::string_view name : acts.can()) can.push_back(std::string(name));
   t["can"] = can;
   return t.dump(-1, ' ', false, json::error_handler_t::replace);
 }

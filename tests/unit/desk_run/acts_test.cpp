@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "tests/unit/desk_run/person.hpp"
 
@@ -67,6 +69,56 @@ TEST(DeskRun, ATouchGoesOnWhileThePointerRestsAndATapIsNotRefused) {
   EXPECT_EQ(p.desk->refused(), 0U) << (p.answers.empty() ? "" : p.answers.begin()->second.why);
   EXPECT_TRUE(first_step);
   EXPECT_THAT(contact, testing::ElementsAre(true, true, false));
+}
+
+// A box whose paced clock is slower than real time looks at what came long ago by the real one: by
+// its own clock that was after its last look. On the real clock such a press is too old.
+TEST(DeskRun, OnASlowPacedClockAPressIsNotOld) {
+  for (const bool paced : {true, false}) {
+    auto s = desk_run::scene();
+    Person p;
+    p.paced = paced;
+    p.late_ns = 400'000'000;
+    std::int64_t engage = 0;
+    p.act = [&](double t) {
+      if (!p.once("engage", t, 1.0)) return;
+      p.holds = json::array({"engage"});
+      p.say({{"act", "token"}, {"holds", {"engage"}}});
+      engage = p.say({{"act", "engage"}});
+    };
+    static_cast<void>(desk_run::run(*s, 3, p));
+    EXPECT_EQ(p.answers[engage].ok, paced) << p.answers[engage].why;
+    EXPECT_EQ(p.seen().mode.mode == tasks::Mode::kEngaged, paced);
+  }
+}
+
+// Each act with its answer, and who acts.
+TEST(DeskRun, ActsAndAnswersAreLogged) {
+  auto s = desk_run::scene();
+  Person p;
+  p.log = (desk_run::folder() / "acts.log").string();
+  std::int64_t drop = 0, none = 0;
+  p.act = [&](double t) {
+    if (p.once("join", t, 0.5))
+      p.desk->role({teletact::RoleEvent::Kind::kJoined,
+                    {7, "ada", teletact::ConsoleRole::kOperator, false, true},
+                    {}});
+    if (p.once("acts", t, 1.0)) {
+      drop = p.say({{"act", "cancel"}});
+      none = p.say({{"act", "unmark"}, {"mark_id", 9}});
+    }
+  };
+  static_cast<void>(desk_run::run(*s, 1.5, p));
+  p.desk.reset();
+  std::ostringstream text;
+  text << std::ifstream(p.log).rdbuf();
+  EXPECT_THAT(text.str(), HasSubstr("role ada (session 7) acts from now on\n"));
+  const auto line = [](std::int64_t id, const char* of, const char* end) {
+    return std::string(of) + " session 1, " + std::to_string(id) + ": " + end + "\n";
+  };
+  EXPECT_THAT(text.str(), HasSubstr(line(drop, "act", "cancel")));
+  EXPECT_THAT(text.str(), HasSubstr(line(drop, "answer", "done")));
+  EXPECT_THAT(text.str(), HasSubstr(line(none, "answer", "refused: no such mark is drawn")));
 }
 
 // A later mark of the haptic hand has the goal: taking back the page's does not drop it.

@@ -54,7 +54,9 @@ class Person : public teletact::PageHook {
     epoch_ = epoch;
     console_ = &console;
     teletact::DeskOptions o;
-    o.clock = [this] { return now_ns_; };
+    o.clock = [this] { return late_ns == 0 ? now_ns_ : clock_ns_ += late_ns; };
+    o.paced = paced;
+    o.log = log;
     o.hand = hand.get();
     o.tasks = &watch;
     o.clicks_at_once = true;
@@ -131,6 +133,11 @@ class Person : public teletact::PageHook {
   std::int64_t tasks_at_ns = 0;  // the last look at the tasks' timing before it
   teletact::TaskWatch watch;
   teletact::SessionPlace sessions;  // no folder: none are kept
+  // Of the clock of arrivals: each look at it is so much later than the one before. 0: it is the
+  // run's.
+  std::int64_t late_ns = 0;
+  bool paced = false;
+  std::string log;  // file of events; empty: none
   int viewers = 0, mesh_blocks = 0;
   bool whole_mesh = true;
   std::unique_ptr<Desk> desk;
@@ -139,7 +146,7 @@ class Person : public teletact::PageHook {
  private:
   rt::Time epoch_{};
   teletact::OperatorConsole* console_ = nullptr;
-  std::int64_t now_ns_ = 0, next_token_ns_ = 0, id_ = 0;
+  std::int64_t now_ns_ = 0, clock_ns_ = 0, next_token_ns_ = 0, id_ = 0;
   std::set<std::string> done_;
 };
 

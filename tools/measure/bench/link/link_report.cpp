@@ -120,6 +120,31 @@ void print_pairs(std::ostream& out, const LinkPairs& p) {
   out << line;
 }
 
+void add_drives(const Judge& j, Limits& all) {
+  for (const char* name : {"drive", "drive_loss", "drive_stall"}) {
+    const std::string what = name;
+    j.add(all, what + ": arrived, engaged once", what, ">=", 1,
+          [](const LinkRow& r) { return r.drive.arrived ? 1.0 : 0.0; });
+    if (what == "drive") continue;
+    const std::string clean = j.why_not("drive", true);
+    j.add(
+        all, what + ": time over the clean road's", what, "<=", 1.5,
+        [&](const LinkRow& r) { return ratio(&r, j.row("drive")); }, true, clean);
+  }
+  const LinkRow* lossy = j.row("drive_loss");
+  j.add(
+      all, "drive_loss: base moves after the last goal before a gap, ms", "drive_loss",
+      "<=", kStandsAfterGoal_ms, [](const LinkRow& r) { return r.drive.gaps.stands_ms; }, false,
+      lossy != nullptr && lossy->drive.gaps.driving > 0 ? ""
+                                                        : "no goal was held up while it drove");
+  const LinkRow* stalled = j.row("drive_stall");
+  const bool drove = stalled != nullptr && stalled->drive.silence.driving > 0;
+  j.add(
+      all, "drive_stall: base moves after the road is silent, ms", "drive_stall",
+      "<=", kStandsWithin_ms, [](const LinkRow& r) { return r.drive.silence.stands_ms; }, false,
+      drove ? "" : "the base stood at every stall");
+}
+
 }  // namespace
 
 std::vector<Limit> LinkBenchResult::limits() const {
@@ -156,31 +181,10 @@ std::vector<Limit> LinkBenchResult::limits() const {
         [](const LinkRow& r) { return r.wide_spared - r.thin_spared; });
   j.add(all, "loss .5 %: pictures a second", "loss", ">=", 25, fps, true,
         bbr ? "" : "this kernel has no bbr");
-  for (const char* name : {"drive", "drive_loss", "drive_stall"}) {
-    const std::string what = name;
-    j.add(all, what + ": arrived, engaged once", what, ">=", 1,
-          [](const LinkRow& r) { return r.drive.arrived ? 1.0 : 0.0; });
-    if (what == "drive") continue;
-    const std::string clean = j.why_not("drive", true);
-    j.add(
-        all, what + ": time over the clean road's", what, "<=", 1.5,
-        [&](const LinkRow& r) { return ratio(&r, j.row("drive")); }, true, clean);
-  }
   for (const char* name : {"rest", "strict", "lenient", "saturated"})
     j.add(all, std::string(name) + ": CPU of the link's threads over its declared share", name,
           "<=", 1, [](const LinkRow& r) { return r.link_cpu / r.link_declared; });
-  const LinkRow* lossy = j.row("drive_loss");
-  j.add(
-      all, "drive_loss: base moves after the last goal before a gap, ms", "drive_loss",
-      "<=", kStandsAfterGoal_ms, [](const LinkRow& r) { return r.drive.gaps.stands_ms; }, false,
-      lossy != nullptr && lossy->drive.gaps.driving > 0 ? ""
-                                                        : "no goal was held up while it drove");
-  const LinkRow* stalled = j.row("drive_stall");
-  const bool drove = stalled != nullptr && stalled->drive.silence.driving > 0;
-  j.add(
-      all, "drive_stall: base moves after the road is silent, ms", "drive_stall",
-      "<=", kStandsWithin_ms, [](const LinkRow& r) { return r.drive.silence.stands_ms; }, false,
-      drove ? "" : "the base stood at every stall");
+  add_drives(j, all);
   j.pairs(all);
   return all.all();
 }
