@@ -76,6 +76,7 @@ void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& sce
   server_->set_clock([this] { return clock_s(); });
   desk_ = std::make_unique<Desk>(box, console, scene, epoch, options_.desk, port());
   open_.store(true);
+  offer_.emplace(rt::monotonic_ns());
   const std::string url = server_->url();
   if (options_.tell) options_.tell(url);
   if (!options_.quiet) {
@@ -108,9 +109,25 @@ void PageDesk::tick(rt::Time now) {
   keep_clock(now);
   if (desk_) desk_->tick(now);
   // It has led there; what a browser ends with afterwards is no failure.
+  offer_again();
   const bool shown = server_ && server_->viewers() > 0;
   if (shown) door_.remove();
   if (door_.look() == BrowserDoor::Asked::kFailed && !shown) say_no_browser();
+}
+
+// Whoever closed the browser, or came an hour late, needs a new code.
+void PageDesk::offer_again() {
+  if (!server_ || !open_.load()) return;
+  const auto people = server_->people();
+  const bool there = std::any_of(people.begin(), people.end(), [](const ConsolePerson& p) {
+    return p.role == ConsoleRole::kOperator && p.connected;
+  });
+  if (!offer_->due(there, rt::monotonic_ns())) return;
+  const std::string url = server_->url();
+  if (options_.tell) options_.tell(url);
+  if (options_.quiet) return;
+  std::printf("console: nobody operates; a new address: %s\n", url.c_str());
+  std::fflush(stdout);
 }
 
 bool PageDesk::await_acts(rt::Nanos most) {

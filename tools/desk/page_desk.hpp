@@ -3,10 +3,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "tools/console/console_server.hpp"
 #include "tools/desk/browser_door.hpp"
+#include "tools/desk/code_offer.hpp"
 #include "tools/desk/desk.hpp"
 #include "tools/scene/page_hook.hpp"
 
@@ -19,7 +21,7 @@ struct PageOptions {
   bool hand = true;     // false: a device's hand is never replaced by the page's
   std::string figures;  // file for console.* of docs/metrics.md, at the end; empty: none
   bool quiet = false;   // the URL goes to no terminal
-  // Tests and tools: the URL with its code, once.
+  // Tests and tools: the URL with its code; again with each new one (code_offer.hpp).
   std::function<void(const std::string& url)> tell;
 };
 
@@ -64,6 +66,7 @@ class PageDesk final : public PageHook {
   std::unique_ptr<ConsoleServer> server_;
   std::unique_ptr<Desk> desk_;
   BrowserDoor door_;
+  std::optional<CodeOffer> offer_;
   std::atomic<bool> open_{false};
 };
 
