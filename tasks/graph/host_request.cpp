@@ -92,7 +92,8 @@ rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
   r.platform = {sentinel("sentinel", rt::Box::kOperator), watchdog("watchdog", rt::Box::kOperator),
                 sentinel("robot_sentinel", rt::Box::kRobot),
                 watchdog("robot_watchdog", rt::Box::kRobot)};
-  r.best_effort = {{"link", 2 * shares.link, {}}, {"console", 2 * shares.console, {}}};
+  r.best_effort = {{"link", 2 * shares.link, {}},
+                   {"console", 2 * shares.console + shares.page, {}}};
   if (shares.camera_twin > 0) r.best_effort.push_back({"camera_twin", shares.camera_twin, {}});
   r.degrade_order = {"fusion", "planning", "fusion", "capture", "fusion"};
   return r;

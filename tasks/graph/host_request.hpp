@@ -30,8 +30,10 @@ inline constexpr double kOverlapShare = 0.4;  // fusion's own, while workers run
 inline constexpr int kForksPerImage =
     30;  // at most: the tracking's iterations, filter, fusion, casts
 
+// Of a core. link, console: of each box; camera_twin: the robot's; page: the operator's, beside its
+// console.
 struct BestEffortShares {
-  double camera_twin = 0, link = 0.065, console = 0.02;
+  double camera_twin = 0, link = 0.065, console = 0.02, page = 0;
 };
 
 // Of the camera's twin, of a core: kTwinMargin times what it took on the simulated clock, or

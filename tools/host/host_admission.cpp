@@ -37,14 +37,17 @@ std::string ray_cast_text(const tasks::Calibration& given, std::int64_t job_us) 
 }
 
 // What one box asks of a host that it has for itself.
-void keep_box(rt::AdmissionRequest& r, rt::Box box) {
+void keep_box(rt::AdmissionRequest& r, rt::Box box, const tasks::BestEffortShares& shares) {
   std::erase_if(r.tasks, [box](const rt::TaskSpec& t) { return t.box != box; });
   std::erase_if(r.platform, [box](const rt::PlatformTask& p) { return p.spec.box != box; });
   std::erase_if(r.best_effort, [box](const rt::BestEffortLoad& b) {
     return b.name == "camera_twin" && box != rt::Box::kRobot;
   });
   for (rt::BestEffortLoad& b : r.best_effort) {
-    if (b.name != "camera_twin") b.share *= 0.5;  // declared for both boxes
+    if (b.name == "console")
+      b.share = shares.console + (box == rt::Box::kOperator ? shares.page : 0);
+    else if (b.name != "camera_twin")
+      b.share *= 0.5;  // declared for both boxes
   }
   std::erase_if(r.degrade_order, [&r](const std::string& name) {
     return std::none_of(r.tasks.begin(), r.tasks.end(),
@@ -106,7 +109,7 @@ tasks::BestEffortShares declared_shares(const Scene& scene, const tasks::Calibra
   tasks::BestEffortShares shares;
   // The camera's twin renders on an ordinary thread; a recording needs none.
   if (scene.rgbd_dir.empty()) shares.camera_twin = tasks::declared_twin_share(calibration);
-  if (page) shares.console += kPageShare;
+  if (page) shares.page = kPageShare;
   return shares;
 }
 
@@ -137,7 +140,7 @@ HostPlan admit_some(const Scene& scene, const tasks::Calibration& given,
       plan.ids.push_back(static_cast<std::uint16_t>(i));
   }
   if (box) {
-    keep_box(plan.request, *box);
+    keep_box(plan.request, *box, shares);
     std::erase_if(specs, [box](const rt::TaskSpec& s) { return s.box != *box; });
   }
   plan.admission = rt::admit(plan.request);

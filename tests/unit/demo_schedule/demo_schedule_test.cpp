@@ -301,4 +301,28 @@ TEST(DemoAgainstReference, ASmallDifferenceIsSeen) {
   EXPECT_NE(first_difference(c), "") << "one nanosecond";
 }
 
+// A page takes .10 of a core, of the operator's box alone (limit of what it may add: .12).
+TEST(PageShare, IsAskedForOnceAndOfTheOperatorsBoxAlone) {
+  const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), {});
+  const auto calibration = teletact::reference_calibration();
+  const std::vector<int> cpus{0, 1};
+  const auto console = [](const teletact::HostPlan& plan) {
+    for (const auto& b : plan.request.best_effort)
+      if (b.name == "console") return b.share;
+    return -1.0;
+  };
+  const auto with = teletact::declared_shares(*scene, calibration, true),
+             without = teletact::declared_shares(*scene, calibration, false);
+  const double added = console(teletact::admit_host(*scene, calibration, cpus, with)) -
+                       console(teletact::admit_host(*scene, calibration, cpus, without));
+  EXPECT_NEAR(added, 0.10, 1e-12);
+  EXPECT_TRUE(teletact::admit_host(*scene, calibration, cpus, with).admission.admitted);
+  for (const auto box : {rt::Box::kOperator, rt::Box::kRobot}) {
+    const double of_box = console(teletact::admit_box(*scene, calibration, cpus, with, box)) -
+                          console(teletact::admit_box(*scene, calibration, cpus, without, box));
+    EXPECT_NEAR(of_box, box == rt::Box::kOperator ? 0.10 : 0, 1e-12);
+    EXPECT_NEAR(console(teletact::admit_box(*scene, calibration, cpus, without, box)), 0.02, 1e-12);
+  }
+}
+
 }  // namespace
