@@ -9,7 +9,7 @@ import { readFileSync } from 'node:fs';
 import { Browser, CDPSession, Page } from 'playwright-core';
 import { Vec3 } from '../src/wire/types';
 import { chromiumProgram, Figures, launch, until } from './browser';
-import { clockOf, watchMesh, watchPage } from './watch';
+import { clockOf, watchBorder, watchMesh, watchPage } from './watch';
 
 const pause = 250;         // ms between acts: each one alone
 const settle = 3000;       // ms until the first mesh has come whole
@@ -89,11 +89,13 @@ async function acts(url: string, rounds: number): Promise<void> {
   await watchMesh(page);
   await page.waitForTimeout(settle);
   const settled = await page.evaluate(() => performance.now());
+  await page.evaluate(watchBorder);
   await act(page, rounds);
   const clock = await clockOf(page);
   const watched = await page.evaluate(() => window.watched);
   const { renderer } = (await figures(page))!;
-  console.log(JSON.stringify({ ...watched, settled, clock, renderer }));
+  const borders = await page.evaluate(() => window.borders);
+  console.log(JSON.stringify({ ...watched, settled, clock, renderer, borders }));
   await browser.close();
 }
 

@@ -19,7 +19,17 @@ export interface Watched {
 }
 
 declare global {
-  interface Window { watched: Watched }
+  interface Window { watched: Watched; borders: Record<string, number> }
+}
+
+// In the page: how often the border of the picture was of each kind, looked at 20 times a second.
+export function watchBorder(): void {
+  window.borders = { fresh: 0, late: 0, frozen: 0 };
+  setInterval(() => {
+    for (const kind of Object.keys(window.borders)) {
+      if (document.getElementById('inset')!.classList.contains(kind)) ++window.borders[kind]!;
+    }
+  }, 50);
 }
 
 // In the page, before its own code. Times: ms of performance.now(); `made`: s of the box's clock,

@@ -114,6 +114,10 @@ void join(const json& seen, const OperatorHalf& op, ActsPart& out) {
   const Clocks clocks{seen["clock"]["offset"], op.epoch_ns};
   out.clock_within_ms = seen["clock"]["within"];
   out.renderer = seen["renderer"];
+  const json& borders = seen["borders"];
+  const double fresh = borders["fresh"], late = borders["late"], frozen = borders["frozen"];
+  const double looks = fresh + late + frozen;
+  out.live_share = fresh / looks, out.late_share = late / looks;
   for (const ActOf& a : kActs) {
     ActTimes& times = out.acts.emplace_back();
     times.act = a.act, times.task = a.task;

@@ -61,6 +61,7 @@ struct ActsPart : ConsolePart {
   std::vector<double> mesh_ms, pixels_ms;  // from fusion's piece to scene, to frame
   double clock_within_ms = 0;              // how well the page's clock is known
   std::string renderer;
+  double live_share = 0, late_share = 0;  // of the time: the picture's border says so; else frozen
   // Played recording.
   std::string no_recording;
   double fps = 0, pictures_per_s = 0;

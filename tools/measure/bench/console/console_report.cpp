@@ -162,6 +162,11 @@ void print_acts(std::ostream& out, const ActsPart& a) {
        a.renderer.c_str());
   line(out, "  box alone: intent to task p95 %.1f ms, mesh to server p95 %.1f ms", a.intent_p95_ms,
        a.to_server_p95_ms);
+  line(out,
+       "  picture's border, Chromium on the box's cores: live %.1f %%, late %.1f %%, frozen %.1f "
+       "%% of "
+       "the time",
+       100 * a.live_share, 100 * a.late_share, 100 * (1 - a.live_share - a.late_share));
   line(out, "  ms from the pointer event; the page's clock is known within %.2f ms",
        a.clock_within_ms);
 }
