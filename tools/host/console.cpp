@@ -68,6 +68,14 @@ void OperatorConsole::judge(const View& view, tasks::EdgeId edge, rt::Time now) 
   }
 }
 
+// What an edge last carried, and whether that is beyond its limits.
+template <tasks::EdgeId kEdge>
+auto OperatorConsole::newest(rt::Time now) {
+  auto value = box_.graph().cells().read<kEdge, tasks::kConsole>();
+  judge(value, kEdge, now);
+  return value;
+}
+
 void OperatorConsole::drain(rt::Time now) {
   using tasks::EdgeId;
   seen_.beyond.clear();
@@ -87,14 +95,6 @@ void OperatorConsole::drain(rt::Time now) {
   if (const auto mode = newest<EdgeId::kMode>(now)) seen_.mode = *mode;
   if (const auto robot = newest<EdgeId::kRobotState>(now)) seen_.robot = *robot;
   newest<EdgeId::kHand>(now);
-}
-
-// What an edge last carried, and whether that is beyond its limits.
-template <tasks::EdgeId kEdge>
-auto OperatorConsole::newest(rt::Time now) {
-  auto value = box_.graph().cells().read<kEdge, tasks::kConsole>();
-  judge(value, kEdge, now);
-  return value;
 }
 
 void OperatorConsole::take_samples() {
