@@ -50,6 +50,7 @@ class PageDesk final : public PageHook {
   [[nodiscard]] double clock_s() const;
   void keep_clock(rt::Time now);
   static void say_no_browser();
+  void offer_again();
   void write_figures() const;
   void write_maps() const;
   [[nodiscard]] DeskPort port();
