@@ -36,6 +36,8 @@ const char* alert_text(int reason) {
     case SSL_R_WRONG_VERSION_NUMBER:
     case SSL_R_HTTP_REQUEST:
       return "it does not speak TLS";
+    case SSL_R_EXCESSIVE_MESSAGE_SIZE:
+      return "it shows more certificates than any box has";
     case SSL_R_DECRYPTION_FAILED_OR_BAD_RECORD_MAC:
       return "a record was changed, repeated or left out on the way";
     default:

@@ -8,8 +8,9 @@
 // "Now" is the box's clock, but never before: the day this program was built, the beginning of this
 // box's own certificate, the date of the list of revoked ones. A robot whose clock is unset (1970
 // after each power-up) is thus judged by the newest of these, and can not be made to take a
-// certificate that had expired by then. A clock that is ahead refuses good certificates, and the
-// reason names the date it took.
+// certificate that had expired by then; one that begins later it takes. A clock that is ahead
+// refuses good certificates, and the reason names the date it took. A list's date that is after the
+// end of this box's own certificate is told, and does not count; what that list revokes does.
 //
 // The list is looked at again every reread_period. A list that is damaged, of another CA or older
 // than the one in use changes nothing, and note() says so. So are the box's own certificate and
@@ -64,10 +65,13 @@ class RoadTrust {
   void look_at_own();
   [[nodiscard]] rt::Result<Own> read_own() const;
   [[nodiscard]] std::string take_own(Own own);
+  [[nodiscard]] std::int64_t list_date_s() const;
+  void take_date();
   [[nodiscard]] bool refresh_list();
   [[nodiscard]] bool refresh_own();
   [[nodiscard]] std::string check_self(const Own& own) const;
   [[nodiscard]] std::string judge_box(x509_store_ctx_st* chain, RoadPeer& peer) const;
+  [[nodiscard]] bool excused(int error) const;
   [[nodiscard]] std::string text_of(int error, X509* certificate) const;
 
   std::string folder_, expected_;
@@ -80,7 +84,7 @@ class RoadTrust {
   // Of the files of the list, the certificate and the key.
   struct stat seen_ {
   }, seen_own_{}, seen_key_{};
-  std::string list_problem_, own_problem_;
+  std::string list_problem_, own_problem_, date_problem_;
 };
 
 }  // namespace drivers

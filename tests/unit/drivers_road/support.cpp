@@ -6,6 +6,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <fstream>
@@ -146,13 +147,15 @@ int dial_plain(int port) {
 }
 
 RawTls::RawTls(int port, const std::string& certificate, const std::string& key, int version) {
+  // At an end of the connection OpenSSL still sends an alert.
+  ::signal(SIGPIPE, SIG_IGN);
   fd = dial_plain(port);
   context = SSL_CTX_new(TLS_method());
   SSL_CTX_set_min_proto_version(context, version);
   SSL_CTX_set_max_proto_version(context, version);
   SSL_CTX_set_verify(context, SSL_VERIFY_NONE, nullptr);
   if (!certificate.empty()) {
-    EXPECT_EQ(SSL_CTX_use_certificate_file(context, certificate.c_str(), SSL_FILETYPE_PEM), 1);
+    EXPECT_EQ(SSL_CTX_use_certificate_chain_file(context, certificate.c_str()), 1);
     EXPECT_EQ(SSL_CTX_use_PrivateKey_file(context, key.c_str(), SSL_FILETYPE_PEM), 1);
   }
   ssl = SSL_new(context);

@@ -77,7 +77,8 @@ struct End {
 // A plain TCP connection to a port of this machine; times out after 20 s.
 int dial_plain(int port);
 
-// A hostile TLS client that checks nothing and shows what it likes.
+// A hostile TLS client that checks nothing and shows what it likes. `certificate`: a file; what
+// follows the first one in it is its chain.
 struct RawTls {
   int fd = -1;
   SSL_CTX* context = nullptr;

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <sstream>
 
 #include "drivers/road/trust.hpp"
 #include "tests/unit/drivers_road/support.hpp"
@@ -130,6 +131,27 @@ TEST(Certificates, HomeMadeOnesAreRefused) {
   gate.expect_friend_welcome();
 }
 
+// Else a stranger could have 100 kB of certificates kept of each of its connections.
+TEST(Certificates, MoreThanAnyBoxHasAreRefusedAndCounted) {
+  Gate gate;
+  Folder made;
+  std::stringstream one;
+  one << std::ifstream(gate.box("ada").certificate).rdbuf();
+  const std::string many = made.path + "/many.crt";
+  for (int i = 0; i < 20; ++i) std::ofstream(many, std::ios::app) << one.str();
+  EXPECT_THAT(gate.verdict({many, gate.box("ada").key}), HasSubstr("more certificates than any"));
+  gate.expect_friend_welcome();
+  // The longest names that a lab gives.
+  Lab lab(std::string(40, 'l'));
+  const std::string longest(40, 'o');
+  lab.issue(rt::Box::kOperator, longest);
+  End robot(listening(lab, "rover", rt::Box::kRobot));
+  robot.start();
+  End op(dialling(lab, longest, rt::Box::kOperator, robot.link->port()));
+  op.start();
+  EXPECT_TRUE(wait_for([&] { return op.ready(); })) << op.link->fault();
+}
+
 TEST(Certificates, OlderTlsAndNoTlsAreRefused) {
   Gate gate;
   EXPECT_THAT(gate.verdict(gate.box("ada"), TLS1_2_VERSION), HasSubstr("does not speak TLS 1.3"));
@@ -183,6 +205,18 @@ TEST(Clock, AnUnsetClockIsReplacedByTheNewestDateThatIsKnown) {
   EXPECT_THAT(gate.verdict(gate.box("old")), HasSubstr("expired on"))
       << "1970 is before its end, but the box knows better";
   gate.expect_friend_welcome();
+}
+
+// An operator was taken on, or its certificate renewed, after all that the robot has was made.
+TEST(Clock, AnUnsetClockTakesACertificateThatIsNewerThanAllItKnows) {
+  Gate gate([] { return std::int64_t{0}; });
+  const std::int64_t now = wall_s();
+  gate.lab.certify("ada", rt::Box::kOperator, now + 100 * kDay_s, now + 400 * kDay_s);
+  auto options = dialling(gate.lab, "ada", rt::Box::kOperator, gate.robot->link->port());
+  options.wall_clock_s = [now] { return now + 200 * kDay_s; };
+  End ada(options);
+  ada.start();
+  EXPECT_TRUE(wait_for([&] { return ada.ready(); })) << ada.link->fault();
 }
 
 // One hour to and fro in a running session: nothing of the session hangs on the wall clock.
