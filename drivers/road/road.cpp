@@ -52,7 +52,7 @@ Road::Impl::Impl(const RoadOptions& o, const Caps& caps, std::unique_ptr<RoadTru
       door_(o.role),
       work_(io_.get_executor()),
       acceptor_(io_),
-      resolver_(io_),
+      names_(o.address, o.lookup),
       backoff_(o.redial_first) {
   make_context();
   port = o.port;
@@ -102,14 +102,25 @@ void Road::Impl::tick(std::int64_t now_ns) {
 void Road::Impl::look_at_list(std::int64_t now_ns) {
   if (now_ns < next_list_ns_) return;
   next_list_ns_ = now_ns + options.reread_period.count();
-  if (!trust->refresh()) return;
-  make_context();
-  if (!control || !trust->revoked(control->peer().serial)) return;
-  ++counts.revoked_live;
+  if (trust->refresh()) make_context();
+  drop_revoked();
+}
+
+// At each look, whoever is there: a certificate that was good in the handshake may not be now.
+void Road::Impl::drop_revoked() {
+  drop_revoked_arrivals();
+  const auto revoked = [&](const Shared& c) { return c && trust->revoked(c->peer().serial); };
+  if (!revoked(control) && !revoked(bulk)) return;
+  const RoadPeer& peer = revoked(control) ? control->peer() : bulk->peer();
+  const std::string why = "the certificate of '" + peer.name + "' is revoked";
   constexpr auto kForgotten = RoadDoor::End::kForgotten;
-  if (up)
-    return close_session("the certificate of '" + last_peer.name + "' is revoked", kForgotten,
-                         false);
+  if (up) {
+    ++counts.revoked_live;
+    return close_session(why, kForgotten, false);
+  }
+  if (!options.listen) return dial_failed(why);
+  ++counts.refused;
+  last_refusal = control->address() + ": " + why;
   drop_connections(false, kForgotten);
 }
 
@@ -184,7 +195,7 @@ void Road::Impl::connection_shaken(RoadConnection& c) {
     greet.connection = RoadConnectionKind::kBulk;
     greet.token = token_;
     // Two boxes behind one address would be a session with two peers.
-    if (c.peer().serial != control->peer().serial)
+    if (!control || c.peer().serial != control->peer().serial)
       return dial_failed("the second connection reached another box than the first");
   }
   append_greet(greet, c.out());

@@ -1,6 +1,7 @@
 // Who dials: the control connection, its token, the bulk connection; again after a while.
 #include <algorithm>
 #include <boost/asio/connect.hpp>
+#include <utility>
 
 #include "drivers/road/road_impl.hpp"
 #include "drivers/road/road_socket.hpp"
@@ -11,7 +12,10 @@ namespace drivers {
 namespace asio = boost::asio;
 
 void Road::Impl::dial_if_due(std::int64_t now_ns) {
-  if (dialling_ && now_ns > dial_until_ns_) return dial_failed("no answer in time");
+  if (dialling_ && now_ns > dial_until_ns_)
+    return dial_failed(naming_ == Naming::kNot ? "no answer in time"
+                                               : "no name server has answered in time");
+  look_at_names();
   if (dialling_ || up || now_ns < next_dial_ns_) return;
   dialling_ = true;
   dial_until_ns_ = now_ns + options.handshake_limit.count();
@@ -20,25 +24,33 @@ void Road::Impl::dial_if_due(std::int64_t now_ns) {
 
 void Road::Impl::dial(bool for_bulk) {
   Code code;
-  const auto address = asio::ip::make_address(options.address, code);
-  if (!code) {
-    const Tcp::endpoint endpoint(address, static_cast<std::uint16_t>(options.port));
-    return resolved(Tcp::resolver::results_type::create(endpoint, "", ""), for_bulk);
-  }
-  resolver_.async_resolve(
-      options.address, std::to_string(options.port),
-      [this, for_bulk](const Code& failed, const Tcp::resolver::results_type& found) {
-        if (failed == asio::error::operation_aborted || !dialling_) return;
-        if (failed) return dial_failed(options.address + ": " + failed.message());
-        resolved(found, for_bulk);
-      });
+  static_cast<void>(asio::ip::make_address(options.address, code));
+  if (!code) return connect({options.address}, for_bulk);
+  names_.ask();
+  naming_ = for_bulk ? Naming::kBulk : Naming::kControl;
 }
 
-void Road::Impl::resolved(const Tcp::resolver::results_type& found, bool for_bulk) {
+void Road::Impl::look_at_names() {
+  if (naming_ == Naming::kNot) return;
+  const auto found = names_.answer();
+  if (!found) return;
+  const bool for_bulk = std::exchange(naming_, Naming::kNot) == Naming::kBulk;
+  if (!*found) return dial_failed(found->error());
+  connect(found->value(), for_bulk);
+}
+
+void Road::Impl::connect(const std::vector<std::string>& addresses, bool for_bulk) {
+  std::vector<Tcp::endpoint> ends;
+  for (const std::string& text : addresses) {
+    Code code;
+    const auto address = asio::ip::make_address(text, code);
+    if (!code) ends.emplace_back(address, static_cast<std::uint16_t>(options.port));
+  }
+  if (ends.empty()) return dial_failed("the name has no address");
   // Held by the handler, so that a late one meets its own socket and not the next one's.
   auto socket = std::make_shared<Tcp::socket>(io_);
   trying_ = socket;
-  asio::async_connect(*socket, found,
+  asio::async_connect(*socket, ends,
                       [this, socket, for_bulk](const Code& code, const Tcp::endpoint& to) {
                         if (trying_ != socket || !dialling_) return;
                         trying_.reset();
@@ -60,7 +72,7 @@ bool Road::Impl::answered(RoadConnection& c, RoadKind kind, std::span<const std:
   }
   RoadToken token{};
   if (kind != RoadKind::kWelcome || !read_welcome(body, token)) return false;
-  if (&c == control.get() && !bulk && !trying_) {
+  if (&c == control.get() && !bulk && !trying_ && naming_ == Naming::kNot) {
     token_ = token;
     // What the other end says first may come before the second connection stands here.
     c.pause();
@@ -76,7 +88,7 @@ void Road::Impl::dial_failed(const std::string& why) {
   ++counts.failed;
   dialling_ = false;
   last_end = options.address + ":" + std::to_string(options.port) + ": " + why;
-  resolver_.cancel();
+  naming_ = Naming::kNot;
   if (trying_) {
     Code ignored;
     trying_->close(ignored);

@@ -14,6 +14,7 @@
 #include "drivers/road/pace.hpp"
 #include "drivers/road/road.hpp"
 #include "drivers/road/road_connection.hpp"
+#include "drivers/road/road_names.hpp"
 #include "drivers/road/trust.hpp"
 
 namespace drivers {
@@ -84,10 +85,12 @@ class Road::Impl final : public RoadConnectionOwner {
   void refuse(RoadConnection& c, const std::string& why);
   [[nodiscard]] Shared take_arrival(RoadConnection& c);
   void drop_late_arrivals(std::int64_t now_ns);
+  void drop_revoked_arrivals();
   // road_dial.cpp
   void dial_if_due(std::int64_t now_ns);
   void dial(bool for_bulk);
-  void resolved(const Tcp::resolver::results_type& found, bool for_bulk);
+  void look_at_names();
+  void connect(const std::vector<std::string>& addresses, bool for_bulk);
   [[nodiscard]] bool answered(RoadConnection& c, RoadKind kind, std::span<const std::uint8_t> body);
   void dial_failed(const std::string& why);
   // road.cpp
@@ -96,6 +99,7 @@ class Road::Impl final : public RoadConnectionOwner {
   void leave_slowly(Shared connection);
   void tick(std::int64_t now_ns);
   void look_at_list(std::int64_t now_ns);
+  void drop_revoked();
   void look_at_pace(std::int64_t now_ns);
   void make_context();
 
@@ -105,9 +109,10 @@ class Road::Impl final : public RoadConnectionOwner {
   std::unique_ptr<boost::asio::ssl::context> context_;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
   Tcp::acceptor acceptor_;
-  Tcp::resolver resolver_;
   Doorstep doorstep_;
   // Dialling.
+  RoadNames names_;
+  enum class Naming : std::uint8_t { kNot, kControl, kBulk } naming_ = Naming::kNot;
   std::shared_ptr<Tcp::socket> trying_;
   bool dialling_ = false;
   RoadToken token_{};

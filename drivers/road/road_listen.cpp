@@ -128,6 +128,11 @@ bool Road::Impl::greeted(RoadConnection& c, const RoadGreet& greet) {
   const bool for_bulk = greet.connection == RoadConnectionKind::kBulk;
   RoadToken fresh{};
   if (RAND_bytes(fresh.data(), static_cast<int>(fresh.size())) != 1) return false;
+  // The handshake may be older than the list.
+  if (trust->revoked(c.peer().serial)) {
+    refuse(c, "its certificate " + c.peer().serial + " is revoked");
+    return true;
+  }
   const std::string why = for_bulk ? door_.ask_bulk(c.peer(), now, greet.token)
                                    : door_.ask_control(c.peer(), now, fresh);
   if (!for_bulk && door_.displaced()) {
@@ -147,6 +152,19 @@ bool Road::Impl::greeted(RoadConnection& c, const RoadGreet& greet) {
   (for_bulk ? bulk : control) = take_arrival(c);
   if (for_bulk) session_up();
   return true;
+}
+
+// Whose handshake is done, or nearly, and who has not greeted.
+void Road::Impl::drop_revoked_arrivals() {
+  std::erase_if(doorstep_.arrivals, [&](const Arrival& a) {
+    const RoadPeer& peer = a.connection->peer();
+    if (!trust->revoked(peer.serial)) return false;
+    ++counts.refused;
+    last_refusal = a.connection->address() + ": '" + peer.name + "': its certificate " +
+                   peer.serial + " is revoked";
+    a.connection->close();
+    return true;
+  });
 }
 
 void Road::Impl::drop_late_arrivals(std::int64_t now_ns) {

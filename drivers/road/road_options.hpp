@@ -6,10 +6,15 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
+#include "rt/result.hpp"
 #include "rt/time.hpp"
 
 namespace drivers {
+
+// The numeric addresses of a host name, or why there are none. It may block.
+using RoadLookup = std::function<rt::Result<std::vector<std::string>>(const std::string& host)>;
 
 struct RoadOptions {
   rt::Box role = rt::Box::kRobot;  // this box; the peer's certificate must name the other role
@@ -35,6 +40,7 @@ struct RoadOptions {
   rt::Nanos redial_most = std::chrono::seconds{2};
   rt::Nanos reread_period = std::chrono::seconds{1};  // of the list of revoked certificates
   std::function<std::int64_t()> wall_clock_s{};       // seconds since 1970; empty: the system's
+  RoadLookup lookup{};                                // of names that are dialled; likewise
 };
 
 // What a peer's certificate says.
