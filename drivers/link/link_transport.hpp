@@ -20,7 +20,9 @@ namespace drivers {
 // Of a transport with certificates, for people: who is there, and who was turned away. Without them
 // all of it stays empty.
 struct LinkNotes {
-  std::string peer;     // connected now: "operator 'ada' from 10.0.0.3"; empty: nobody
+  // Connected now, also where its hand-shake is not over: "operator 'ada' from 10.0.0.3"; empty:
+  // nobody.
+  std::string peer;
   std::string note;     // how certificates are judged where that is not as usual; when ours ends
   std::string refusal;  // the newest that this box refused, and why
   std::uint64_t refused = 0;             // connections that it did not let in

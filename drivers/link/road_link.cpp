@@ -82,9 +82,9 @@ void RoadLink::session_up() {
   newest_ = {};
   endpoint_->renew();
   up_ = true;
+  publish();  // who it is, before anybody can see that somebody is there
   state_.store(State::kHandshake);
   sessions_.fetch_add(1);
-  publish();
   // Hello goes first, before anything of the other side can be a reason to close.
   poll_session();
 }
@@ -258,7 +258,8 @@ std::string RoadLink::note() const {
 }
 
 LinkNotes RoadLink::notes() const {
-  const bool there = state_.load() == State::kReady;
+  const State state = state_.load();
+  const bool there = state == State::kReady || state == State::kHandshake;
   const std::lock_guard lock(told_);
   LinkNotes n;
   if (there)

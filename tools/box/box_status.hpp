@@ -17,12 +17,13 @@ namespace teletact {
 struct BoxStatus {
   std::string box, version;  // "robot" or "operator"
   int pid = 0;
-  double up_s = 0;                      // since the epoch
-  std::string mode, cause;              // cause: empty, or "F-SUP-02 the link is silent ..."
-  std::string link;                     // "connected", "hand-shake", "no other box"
-  std::string link_fault;               // why there is none, or why the last one ended
-  std::uint64_t connections = 0;        // so far
-  std::string peer;                     // "operator 'ada' from 10.0.0.3"; empty: nobody, or no TLS
+  double up_s = 0;                // since the epoch
+  std::string mode, cause;        // cause: empty, or "F-SUP-02 the link is silent ..."
+  std::string link;               // "connected", "hand-shake", "no other box"
+  std::string link_fault;         // why there is none, or why the last one ended
+  std::uint64_t connections = 0;  // so far
+  std::string
+      peer;  // "operator 'ada' from 10.0.0.3", from the hand-shake on; empty: nobody, or no TLS
   std::uint64_t turned_away = 0;        // connections that this box refused (TLS)
   std::string turned_away_newest;       // from where, and why
   std::string link_note;                // how certificates are judged where that is not as usual

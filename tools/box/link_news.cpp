@@ -7,7 +7,7 @@ namespace teletact {
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
-constexpr std::int64_t kTurnedAway = 10 * kSecond;
+constexpr std::int64_t kTurnedAway = 10 * kSecond, kShaking = 10 * kSecond;
 // A road that carries less than this share of the pictures, for so long, is worth a word.
 constexpr double kFewPictures = 0.8;
 constexpr std::int64_t kSlowFor = 5 * kSecond;
@@ -60,6 +60,13 @@ std::string LinkNews::line(bool ready, std::uint64_t sessions, const std::string
          (fault.empty() ? std::string() : " (" + fault + ")") + "; this box holds still";
 }
 
+std::string LinkNews::shaking_line(bool ready, const std::string& who, std::int64_t now_ns) {
+  if (ready || who.empty() || (who == told_shaking_ && now_ns < next_shaking_ns_)) return {};
+  told_shaking_ = who;
+  next_shaking_ns_ = now_ns + kShaking;
+  return "link: " + who + " has come; hand-shake";
+}
+
 std::string LinkNews::turned_away_line(std::uint64_t refused, const std::string& newest,
                                        std::int64_t now_ns) {
   if (refused == turned_away_ || now_ns < next_turned_away_ns_) return {};
@@ -109,7 +116,8 @@ std::vector<std::string> LinkNews::look(const drivers::LinkTransport& link,
   std::vector<std::string> due;
   for (std::string& text : std::vector<std::string>{
            line(ready, link.sessions(), ready ? std::string() : link.fault(), notes.peer),
-           note_line(notes.note), turned_away_line(notes.refused, notes.refusal, now_ns),
+           shaking_line(ready, notes.peer, now_ns), note_line(notes.note),
+           turned_away_line(notes.refused, notes.refusal, now_ns),
            refused_line(
                status.commands_refused.load(),
                drivers::to_text(static_cast<drivers::CommandFault>(status.commands_newest.load())),

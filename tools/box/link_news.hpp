@@ -1,8 +1,9 @@
-// What a person is told of a link that lasts: that it waits, who is there, why it has gone, who was
-// turned away and why, and how certificates are judged where that is not as usual. One line each
-// time that this changes; of strangers at once, then every ten seconds at most. And, once a second
-// at most, that commands were refused; and what is lowered of the pictures, why, and that it is
-// whole again; once a connection, that a codec fits the road so badly that pictures come slowly.
+// What a person is told of a link that lasts: that it waits, who holds the place and is not ready,
+// who is there, why it has gone, who was turned away and why, and how certificates are judged where
+// that is not as usual. One line each time that this changes; of strangers at once, then every ten
+// seconds at most. And, once a second at most, that commands were refused; and what is lowered of
+// the pictures, why, and that it is whole again; once a connection, that a codec fits the road so
+// badly that pictures come slowly.
 //
 // Pure: time is an argument.
 #pragma once
@@ -49,6 +50,9 @@ class LinkNews {
   // One of them each; or empty. `who`: LinkNotes::peer.
   [[nodiscard]] std::string line(bool ready, std::uint64_t sessions, const std::string& fault,
                                  const std::string& who = {});
+  // Who holds the place while the hand-shake is not over: each at once, the same one every ten
+  // seconds at most.
+  [[nodiscard]] std::string shaking_line(bool ready, const std::string& who, std::int64_t now_ns);
   [[nodiscard]] std::string turned_away_line(std::uint64_t refused, const std::string& newest,
                                              std::int64_t now_ns);
   [[nodiscard]] std::string note_line(const std::string& note);
@@ -60,10 +64,11 @@ class LinkNews {
  private:
   SparedNews spared_news_;
   PictureRate rate_;
-  std::string told_fault_, told_note_;
+  std::string told_fault_, told_note_, told_shaking_;
   bool begun_ = false, was_ready_ = false, slow_told_ = false;
   std::uint64_t sessions_ = 0, refused_ = 0, turned_away_ = 0;
   std::int64_t next_refused_ns_ = 0, next_turned_away_ns_ = 0, slow_since_ns_ = 0;
+  std::int64_t next_shaking_ns_ = 0;
 };
 
 }  // namespace teletact

@@ -204,6 +204,18 @@ TEST(Hostile, InASessionLengthsAreCappedPerConnection) {
   robot.expect_friend_welcome();
 }
 
+// Anybody else reads "busy: operator 'ada'": so this box's own people must know too.
+TEST(Hostile, WhoHoldsThePlaceIsToldBeforeItSaysAWord) {
+  Robot robot;
+  EXPECT_EQ(robot.end->link->notes().peer, "");
+  RawSession s(robot);
+  ASSERT_TRUE(wait_for([&] { return robot.end->link->sessions() == 1; }));
+  EXPECT_EQ(robot.end->link->notes().peer, "operator 'ada' from 127.0.0.1");
+  EXPECT_EQ(robot.end->link->state(), State::kHandshake);
+  s.control->say(Bytes(64, 'x'));
+  EXPECT_TRUE(wait_for([&] { return robot.end->link->notes().peer.empty(); }));
+}
+
 TEST(Hostile, WhoSaysNothingAndReadsNothingIsLeft) {
   Robot robot(std::chrono::seconds{5}, std::chrono::milliseconds{500});
   RawSession s(robot);

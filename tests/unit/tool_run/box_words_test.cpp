@@ -116,6 +116,20 @@ TEST(LinkNews, SaysWhoIsThere) {
             "link: the other box is there (connection 1): operator 'ada' from 10.0.0.3");
 }
 
+// Who sends nothing holds the place all the same, and anybody else would read "busy: NAME".
+TEST(LinkNews, SaysWhoHoldsThePlaceBeforeTheHandShakeIsOver) {
+  teletact::LinkNews news;
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  const std::string ada = "operator 'ada' from 10.0.0.3", bob = "operator 'bob' from 10.0.0.4";
+  EXPECT_EQ(news.shaking_line(false, "", kSecond), "");
+  EXPECT_EQ(news.shaking_line(false, ada, kSecond),
+            "link: operator 'ada' from 10.0.0.3 has come; hand-shake");
+  for (int s = 2; s < 11; ++s) EXPECT_EQ(news.shaking_line(false, ada, s * kSecond), "");
+  EXPECT_NE(news.shaking_line(false, ada, 11 * kSecond), "") << "still, or again";
+  EXPECT_NE(news.shaking_line(false, bob, 12 * kSecond), "") << "another one";
+  EXPECT_EQ(news.shaking_line(true, ada, 13 * kSecond), "") << "has a line of its own";
+}
+
 TEST(LinkNews, StrangersAtOnceAndThenEachTenSeconds) {
   teletact::LinkNews news;
   constexpr std::int64_t kSecond = 1'000'000'000;
