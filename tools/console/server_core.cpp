@@ -1,5 +1,6 @@
 #include "tools/console/server_core.hpp"
 
+#include <fcntl.h>
 #include <openssl/rand.h>
 
 #include <algorithm>
@@ -19,6 +20,10 @@ constexpr auto kTick = std::chrono::milliseconds{250}, kAcceptPause = std::chron
                kLastWords = std::chrono::milliseconds{300};
 constexpr int kListTicks = 4;
 
+// A program that this one starts must not keep the port when this one has died. Asio of Boost 1.74
+// opens and accepts without the flag.
+void close_on_exec(int fd) noexcept { (void)::fcntl(fd, F_SETFD, FD_CLOEXEC); }
+
 }  // namespace
 
 ServerCore::ServerCore(const ConsoleOptions& o, ConsoleCallbacks c, PageFiles p)
@@ -33,6 +38,7 @@ std::string ServerCore::listen(const boost::asio::ip::address& address,
   const std::string place = "console " + options.address + ":" + std::to_string(options.port);
   boost::system::error_code failed;
   acceptor_.open(end.protocol(), failed);
+  if (!failed) close_on_exec(acceptor_.native_handle());
   if (!failed) acceptor_.set_option(boost::asio::socket_base::reuse_address(true), failed);
   if (!failed) acceptor_.bind(end, failed);
   if (!failed) acceptor_.listen(boost::asio::socket_base::max_listen_connections, failed);
@@ -92,6 +98,7 @@ void ServerCore::accept() {
 }
 
 void ServerCore::admit(boost::asio::ip::tcp::socket socket) {
+  close_on_exec(socket.native_handle());
   ++tally.connections;
   if (connections_.size() + viewers_.size() >= options.most_connections) {
     tally.refuse(Refusal::kCrowded);

@@ -33,6 +33,18 @@ std::string write_door(const std::string& url) {
   return whole ? path : std::string();
 }
 
+// Without any descriptor of this program but the three that every program has: a browser that
+// outlives the box would keep its port and its files.
+bool spawn(const char* program, char* const* argv, pid_t& pid) {
+  posix_spawn_file_actions_t actions;
+  if (::posix_spawn_file_actions_init(&actions) != 0) return false;
+  const bool started =
+      ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1) == 0 &&
+      ::posix_spawnp(&pid, program, &actions, nullptr, argv, environ) == 0;
+  ::posix_spawn_file_actions_destroy(&actions);
+  return started;
+}
+
 }  // namespace
 
 void BrowserDoor::remove() noexcept {
@@ -47,7 +59,7 @@ bool BrowserDoor::open(const std::string& url) {
   if (path_.empty()) return false;
   std::string program = "xdg-open", argument = path_;
   char* argv[] = {program.data(), argument.data(), nullptr};
-  if (::posix_spawnp(&asked_, "xdg-open", nullptr, nullptr, argv, environ) != 0) {
+  if (!spawn("xdg-open", argv, asked_)) {
     asked_ = 0;
     remove();
     return false;

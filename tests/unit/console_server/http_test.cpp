@@ -1,4 +1,7 @@
 // Over the wire: the page's files, sessions, and everything that must be refused.
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -29,6 +32,31 @@ TEST_F(Console, ServesThePageWithItsPolicy) {
   EXPECT_EQ(script.header("content-type"), "text/javascript; charset=utf-8");
   folder_.write("page/assets/main.js", "export const x = 22;\n");
   EXPECT_EQ(get("/assets/main.js").body, "export const x = 22;\n") << "built again";
+}
+
+// Sockets of this process whose own end is the port: the listening one, and those it has accepted.
+std::vector<int> sockets_at(int port) {
+  std::vector<int> out;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    const int fd = std::stoi(entry.path().filename().string());
+    sockaddr_in at{};
+    socklen_t size = sizeof at;
+    if (::getsockname(fd, reinterpret_cast<sockaddr*>(&at), &size) == 0 &&
+        at.sin_family == AF_INET && ntohs(at.sin_port) == port)
+      out.push_back(fd);
+  }
+  return out;
+}
+
+// Whatever is started meanwhile: after a crash of the box the port is free for the next one.
+TEST_F(Console, NoProgramThatIsStartedInheritsItsSockets) {
+  start();
+  Wire wire(server_->port());
+  ASSERT_TRUE(wire.good());
+  ASSERT_TRUE(wait_for([&] { return server_->counts().connections == 1; }));
+  const auto all = sockets_at(server_->port());
+  EXPECT_EQ(all.size(), 2U);
+  for (const int fd : all) EXPECT_NE(::fcntl(fd, F_GETFD) & FD_CLOEXEC, 0) << fd;
 }
 
 TEST_F(Console, NoPathLeadsOutOfTheFolder) {

@@ -1,6 +1,8 @@
 // The file that leads a browser to the page: for this user alone, and gone afterwards. A script
 // stands in for the desktop's xdg-open.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -90,6 +92,28 @@ TEST(BrowserDoor, DoesNotWaitForABrowserThatGoesOn) {
   EXPECT_EQ(door.look(), Asked::kRuns);
   std::ofstream(d.folder / "closed") << "x";
   EXPECT_EQ(end_of(door), Asked::kShown);
+}
+
+// A browser that outlives a killed box would else keep the port of its page, and its files.
+TEST(BrowserDoor, TheBrowserHoldsNoDescriptorOfThisProgram) {
+  const Desktop d(0, "ls -l /proc/self/fd > \"$XDG_RUNTIME_DIR/held\"\n");
+  const std::string path = (d.folder / "a file of the box").string();
+  // Without O_CLOEXEC: libraries open theirs so too.
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT, 0600);
+  const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
+  ASSERT_GT(file, 2);
+  ASSERT_GT(socket, 2);
+  const std::string named = fs::read_symlink("/proc/self/fd/" + std::to_string(socket));
+  ASSERT_EQ(named.rfind("socket:[", 0), 0U) << named;
+  teletact::BrowserDoor door;
+  ASSERT_TRUE(door.open(kUrl));
+  EXPECT_EQ(end_of(door), Asked::kShown);
+  ::close(file);
+  ::close(socket);
+  const std::string held = d.read("held");
+  EXPECT_NE(held.find("1 -> "), std::string::npos) << "the list is one\n" << held;
+  EXPECT_EQ(held.find("a file of the box"), std::string::npos) << held;
+  EXPECT_EQ(held.find(named), std::string::npos) << held;
 }
 
 TEST(BrowserDoor, WithNothingToAskThereIsNone) {
