@@ -370,6 +370,7 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   }
   const std::size_t size = std::size_t{depth_size} + colour_size, before = joint_bytes(joints);
   if (in.size() - kWireHeader < before + size) return FrameStatus::kTruncated;
+  if (in.size() - kWireHeader > before + size) return FrameStatus::kBadHeader;
   if (check_of(in.data(), in.subspan(kWireHeader, before + size)) != check)
     return FrameStatus::kBadCheck;
   const auto blobs = in.subspan(kWireHeader + before, size);

@@ -148,7 +148,8 @@ void keep_black_boxes(const std::string& folder, const std::vector<std::string>&
     if (is_black_box_name(name) || name == "operator.log" || name == "robot.log")
       fs::rename(folder + "/" + name, into + "/" + name);
   }
-  for (std::size_t i = 0; i + kKeptRuns <= kept.size(); ++i) fs::remove_all(place(kept[i]));
+  // In a crash loop the first one tells the cause: it stays beside the newest.
+  for (std::size_t i = 1; i + kKeptRuns <= kept.size() + 1; ++i) fs::remove_all(place(kept[i]));
 }
 
 }  // namespace

@@ -12,8 +12,9 @@
 namespace teletact {
 
 // A run's black boxes outlive it: when the next one clears the folder, they and the logs beside
-// them go to REPORT/raw/before-<n>, the newest of them with the highest number. Of an end that was
-// asked for, without another stop, nothing is kept.
+// them go to REPORT/raw/before-<n>, the newest of them with the highest number. Of more than
+// kKeptRuns the first and the newest stay: a box that crashes at each start loses only what lies
+// between. Of an end that was asked for, without another stop, nothing is kept.
 inline constexpr std::size_t kKeptRuns = 5;
 
 inline constexpr const char* kRunFolderMark = "of_teletact_demo.txt";

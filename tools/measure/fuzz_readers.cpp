@@ -102,6 +102,7 @@ FuzzReaders::FuzzReaders() {
   add_colour();
   add_depth_stream();
   add_store();
+  add_link();
   add_road();
   add_bus();
   add_bus_replies();

@@ -1,6 +1,7 @@
 // The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry,
-// fields, maps, job records; the link's colour pictures and frames of the depth stream; the road's
-// frames and certificates; what comes over the robot's bus; what a page sends and asks for.
+// fields, maps, job records; the link's messages, colour pictures and frames of the depth stream;
+// the road's frames and certificates; what comes over the robot's bus; what a page sends and asks
+// for.
 #pragma once
 
 #include <filesystem>
@@ -28,6 +29,7 @@ class FuzzReaders {
   void add_colour();
   void add_depth_stream();
   void add_store();
+  void add_link();
   void add_road();
   void add_bus();
   void add_bus_replies();

@@ -14,15 +14,32 @@
 
 namespace teletact {
 
+namespace {
+
+bool recorded(const std::string& folder, rt::Box box) {
+  return std::filesystem::exists(recording_file(folder, box));
+}
+
+// Of `both`, what is there: the folder of one box's run has one. Where none is, both: reading the
+// first one says so.
+bool chosen(const std::string& folder, const std::string& choice, rt::Box b) {
+  const rt::Box other = b == rt::Box::kOperator ? rt::Box::kRobot : rt::Box::kOperator;
+  if (choice == "both") return recorded(folder, b) || !recorded(folder, other);
+  return (choice == "operator") == (b == rt::Box::kOperator);
+}
+
+}  // namespace
+
 int cmd_replay(int argc, char** argv) {
   CLI::App app{
-      "Runs the tasks of a recorded run (demo --record) again on their recorded inputs. Exit code "
-      "0: "
-      "every job committed the same bytes; 1: not; 2: the recording can not be replayed."};
+      "Runs the tasks of a recorded run (demo, robot or operator, --record) again on their "
+      "recorded "
+      "inputs. Exit code 0: every job committed the same bytes; 1: not; 2: the recording can not "
+      "be replayed."};
   std::string folder, box = "both", json;
   std::uint64_t order = 0;
   app.add_option("folder", folder, "REPORT/raw of the run")->required();
-  app.add_option("--box", box, "which box")
+  app.add_option("--box", box, "which box; both: of the run of one box, that one")
       ->check(CLI::IsMember({"operator", "robot", "both"}))
       ->capture_default_str();
   app.add_option(
@@ -44,7 +61,7 @@ int cmd_replay(int argc, char** argv) {
   Metrics metrics("replay");
   for (const rt::Box b : {rt::Box::kOperator, rt::Box::kRobot}) {
     const char* name = b == rt::Box::kOperator ? "operator" : "robot";
-    if (box != "both" && box != name) continue;
+    if (!chosen(folder, box, b)) continue;
     auto recording = read_recording(recording_file(folder, b));
     if (!recording) throw std::runtime_error(recording.error());
     const auto scene = load_scene(folder + "/scene.toml", {});

@@ -1,6 +1,7 @@
-// A run on the real clock that goes on for half an hour: the memory of both boxes is flat after the
-// first minute (2 %), their job records stay below their cap. The report of it is made by the run
-// itself. TELETACT_MINUTES: another length, at least two.
+// Runs on the real clock that go on for half an hour, of the demo, and of the two boxes that know
+// each other by TLS alone: the memory of both boxes is flat after the first minute (2 %), their job
+// records stay below their cap, and the report of each is made. TELETACT_MINUTES: another length,
+// at least two.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -9,8 +10,11 @@
 
 #include "demo_process.hpp"
 #include "rt/store/run_store.hpp"
+#include "tests/fault/two_boxes/boxes.hpp"
 
 namespace {
+
+namespace fs = std::filesystem;
 
 double minutes() {
   const char* asked = std::getenv("TELETACT_MINUTES");
@@ -25,35 +29,79 @@ double resident_MiB(pid_t pid) {
   return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / (1 << 20);
 }
 
+// One box, looked at each 10 s.
+struct Watched {
+  const char* name;
+  pid_t pid;
+  fs::path raw;
+  std::vector<double> resident{};
+  std::uint64_t most_bytes = 0;
+
+  void look() {
+    if (const double now = resident_MiB(pid); now > 0) resident.push_back(now);
+    most_bytes = std::max(most_bytes, rt::store_bytes((raw / name).string() + ".run"));
+  }
+  // The first value that counts is that after a minute; the last one may be of a box that is
+  // writing its report.
+  void judge() const {
+    ASSERT_GT(resident.size(), 9U) << name;
+    const double first = resident[6], last = resident[resident.size() - 2];
+    std::printf("%s: %.1f MiB after a minute, %.1f at the end; job records %.1f MiB at most\n",
+                name, first, last, static_cast<double>(most_bytes) / (1 << 20));
+    EXPECT_LE(last, 1.02 * first) << name;
+    EXPECT_GT(most_bytes, 0U) << name;
+    EXPECT_LE(most_bytes, rt::StoreOptions{}.cap_bytes) << name;
+  }
+};
+
 TEST(HalfHour, MemoryIsFlatAndTheDiskBelowItsCap) {
   const double length_s = 60 * minutes();
   life_cycle::DemoProcess demo("half-hour", length_s);
   while (demo.boxes().second == 0 && !demo.ended()) ::usleep(100000);
   if (demo.no_room()) GTEST_SKIP() << "the cores are taken";
   ASSERT_FALSE(demo.ended()) << demo.output();
-  const auto [op, robot] = demo.boxes();
-  // Each 10 s; the first value that counts is that after a minute.
-  std::vector<double> of_op, of_robot;
-  std::uint64_t most_bytes = 0;
+  Watched op{"operator", demo.boxes().first, demo.raw()},
+      robot{"robot", demo.boxes().second, demo.raw()};
   while (!demo.ended()) {
-    const double a = resident_MiB(op), b = resident_MiB(robot);
-    if (a > 0) of_op.push_back(a);
-    if (b > 0) of_robot.push_back(b);
-    most_bytes = std::max({most_bytes, rt::store_bytes(demo.raw() + "/operator.run"),
-                           rt::store_bytes(demo.raw() + "/robot.run")});
+    op.look();
+    robot.look();
     for (int i = 0; i < 100 && !demo.ended(); ++i) ::usleep(100000);
   }
-  ASSERT_GT(of_op.size(), 9U) << demo.output();
-  for (const auto* box : {&of_op, &of_robot}) {
-    // The last one may be of a box that is writing its report.
-    const double first = (*box)[6], last = (*box)[box->size() - 2];
-    std::printf("%s: %.1f MiB after a minute, %.1f at the end\n",
-                box == &of_op ? "operator" : "robot", first, last);
-    EXPECT_LE(last, 1.02 * first);
+  ASSERT_GT(op.resident.size(), 9U) << demo.output();
+  op.judge();
+  robot.judge();
+  EXPECT_TRUE(demo.report_written()) << demo.output();
+}
+
+TEST(HalfHour, TwoBoxesOverTlsStayFlatBelowTheirCapsAndConnected) {
+  two_boxes::Boxes b("half-hour", false);
+  b.use_keys();
+  b.robot.start();
+  b.op.start();
+  const bool engaged = b.until([](const two_boxes::Json& r, const two_boxes::Json& o) {
+    return two_boxes::engaged(r) && two_boxes::engaged(o);
+  });
+  if (b.ending == two_boxes::Ending::kNoRoom) GTEST_SKIP() << "the cores are taken";
+  if (!engaged && !HasFailure()) std::printf("the machine disturbed the tasks at the start\n");
+  Watched op{"operator", b.op.pid(), b.op.report().parent_path() / "raw"},
+      robot{"robot", b.robot.pid(), b.robot.report().parent_path() / "raw"};
+  const int looks = static_cast<int>(6 * minutes());
+  for (int i = 0; i < looks && !b.op.ended() && !b.robot.ended(); ++i) {
+    op.look();
+    robot.look();
+    ::sleep(10);
   }
-  std::printf("job records of a box: %.1f MiB at most\n",
-              1e-6 * static_cast<double>(most_bytes) / 1.048576);
-  EXPECT_LE(most_bytes, rt::StoreOptions{}.cap_bytes);
+  ASSERT_FALSE(b.op.ended() || b.robot.ended()) << b.said();
+  const auto status = b.robot.status();
+  EXPECT_TRUE(two_boxes::connected(status)) << status;
+  EXPECT_EQ(status.value("connections", 0), 1) << "one session all the time\n" << b.said();
+  for (two_boxes::BoxProgram* box : {&b.op, &b.robot}) {
+    const int code = box->stop();
+    EXPECT_TRUE(code == 0 || code == 1) << code << ", 1: late on this machine\n" << box->output();
+    EXPECT_TRUE(fs::exists(box->report())) << box->output();
+  }
+  op.judge();
+  robot.judge();
 }
 
 }  // namespace

@@ -7,9 +7,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
-#include "tasks/contract/table.hpp"
-#include "tasks/robot_io/robot_io_task.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tests/fault/packets/heard_stream.hpp"
 #include "tools/measure/bench/link/link_rig.hpp"
 #include "tools/measure/bench/link/link_window.hpp"
 #include "tools/measure/tun_road/tun_device.hpp"
@@ -52,59 +53,78 @@ TEST(Packets, BothBoxesMeetOverALateAndLossyRoad) {
   EXPECT_LT(r.robot.view.truth.back().path_m, 0.001) << "nobody engaged";
 }
 
-// What the base may still do once its box has noticed a silence (90 ms): two periods, the ramp, the
-// tail (docs/faults.md, How soon), and what a machine that other work shares may be late.
+// What the base may still do once its box has noticed a silence: two periods, the ramp, the tail
+// (docs/faults.md, How soon), and what a machine that other work shares may be late.
 constexpr std::int64_t kStands_ns = 197'000'000 + 20'000'000;
+// Until the box has noticed: the silence limit, and how late a shared machine lets an ordinary
+// thread read what has come.
+constexpr std::int64_t kNotices_ns = 90'000'000, kReads_ns = 50'000'000;
 constexpr double kStands_m_per_s = 0.01, kDrives_m_per_s = 0.1;
 constexpr double kLossy_at_s = 14, kLossyFor_s = 4;
+// Where the rig's robot listens.
+constexpr int kPort = 47110;
 
 struct Motion {
   double before_m_per_s = 0, later_m_per_s = 0;  // fastest, around the loss
-  int silences = 0;                              // of those long enough to have to stand in
-  double late_m_per_s = 0;                       // fastest when it had to stand
+  int silences = 0;         // into which it drove, and long enough to have to stand in
+  double late_m_per_s = 0;  // fastest when it had to stand
 };
 
-// By the robot's own records: each of its jobs says whether the link is silent to it, each sample
-// how fast the base is and in which mode.
-Motion motion_of(const teletact::RobotHalf& robot, std::int64_t road_epoch_ns) {
-  Motion out;
-  std::vector<std::pair<std::int64_t, std::int64_t>> silent;
-  const auto& all = robot.log.tasks;
-  const auto task = std::find_if(all.begin(), all.end(), [](const auto& t) {
-    return t.id == static_cast<std::uint16_t>(tasks::TaskId::kRobotIo);
-  });
-  if (task == all.end()) return out;
-  bool was = false;
-  for (const auto& j : task->jobs) {
-    const bool is = j.fault == tasks::robot_io_fault::kLinkSilent;
-    if (is && !was) silent.emplace_back(j.start_ns, j.start_ns);
-    if (is) silent.back().second = j.start_ns;
-    was = is;
-  }
-  std::int64_t out_since = 0;  // of the engaged mode
+double fastest(const teletact::RobotHalf& robot, std::int64_t from_ns, std::int64_t to_ns) {
+  double most = 0;
   for (const auto& s : robot.view.robot) {
     const std::int64_t t = rt::ns_of(s.stamp);
-    const auto v = static_cast<double>(s.speed_m_per_s);
-    const double at_s = 1e-9 * static_cast<double>(t - road_epoch_ns);
-    if (at_s > kLossy_at_s - 1 && at_s < kLossy_at_s)
-      out.before_m_per_s = std::max(out.before_m_per_s, v);
-    if (at_s > kLossy_at_s + kLossyFor_s) out.later_m_per_s = std::max(out.later_m_per_s, v);
+    if (t > from_ns && t <= to_ns) most = std::max(most, static_cast<double>(s.speed_m_per_s));
+  }
+  return most;
+}
+
+// Once out of the engaged mode it has to stand, whatever was heard.
+double fastest_unengaged(const teletact::RobotHalf& robot) {
+  double most = 0;
+  std::int64_t out_since = 0;
+  for (const auto& s : robot.view.robot) {
+    const std::int64_t t = rt::ns_of(s.stamp);
     const bool engaged = s.mode == static_cast<std::uint8_t>(tasks::Mode::kEngaged);
     if (engaged) out_since = 0;
     if (!engaged && out_since == 0) out_since = t;
     if (out_since != 0 && t - out_since > kStands_ns)
-      out.late_m_per_s = std::max(out.late_m_per_s, v);
+      most = std::max(most, static_cast<double>(s.speed_m_per_s));
   }
-  for (const auto& [from, to] : silent) {
-    if (to - from <= kStands_ns) continue;
-    ++out.silences;
-    for (const auto& s : robot.view.robot) {
-      const std::int64_t t = rt::ns_of(s.stamp);
-      if (t > from + kStands_ns && t <= to)
-        out.late_m_per_s = std::max(out.late_m_per_s, static_cast<double>(s.speed_m_per_s));
-    }
+  return most;
+}
+
+// Silences by what came in at the robot's port, motion by the robot's records: a box that notices no
+// silence drives on in one, and is found.
+Motion motion_of(const teletact::RobotHalf& robot, std::int64_t road_epoch_ns,
+                 const std::vector<std::int64_t>& heard) {
+  Motion out;
+  const std::int64_t lossy = teletact::later(road_epoch_ns, kLossy_at_s);
+  out.before_m_per_s = fastest(robot, lossy - 1'000'000'000, lossy);
+  out.later_m_per_s =
+      fastest(robot, teletact::later(lossy, kLossyFor_s), std::numeric_limits<std::int64_t>::max());
+  out.late_m_per_s = fastest_unengaged(robot);
+  for (std::size_t i = 1; i < heard.size(); ++i) {
+    const std::int64_t from = heard[i - 1], to = heard[i],
+                       stands = from + kNotices_ns + kReads_ns + kStands_ns;
+    if (to <= stands) continue;
+    out.silences += fastest(robot, from - 100'000'000, from + kNotices_ns) > kDrives_m_per_s;
+    out.late_m_per_s = std::max(out.late_m_per_s, fastest(robot, stands, to));
   }
   return out;
+}
+
+// The parts of a stream in any order: what goes on, and what only fills in later.
+TEST(Packets, AStreamIsHeardWhereItGoesOn) {
+  packets_test::Stream s;
+  s.begin(0xffff'fff0U);  // over the end of the numbers
+  EXPECT_TRUE(s.add(0xffff'fff0U, 8));
+  EXPECT_FALSE(s.add(0xffff'fff0U, 8)) << "sent again";
+  EXPECT_FALSE(s.add(4, 10)) << "beyond a hole";
+  EXPECT_FALSE(s.add(14, 2));
+  EXPECT_TRUE(s.add(0xffff'fff8U, 12)) << "the hole is filled";
+  EXPECT_FALSE(s.add(2, 14)) << "all of that was there";
+  EXPECT_TRUE(s.add(16, 1));
 }
 
 TEST(Packets, ThirtyPercentLossStopsWhatIsSilentAndEndsNoRun) {
@@ -119,16 +139,20 @@ TEST(Packets, ThirtyPercentLossStopsWhatIsSilentAndEndsNoRun) {
   run.road = {"rate_Mbit_per_s=10", "queue_kB=200",   "delay_ms=75", "jitter_ms=20",
               "loss=0.3",           "loss_from_s=14", "loss_for_s=4"};
   run.seconds = 35;
+  packets_test::HeardStream robot_hears("tlink-r" + std::to_string(::getpid()), kPort);
   const auto r = rig.run(run);
+  const auto heard = robot_hears.end();
   if (r.problem.find("not registered") != std::string::npos)
     GTEST_SKIP() << "the cores are taken: " << r.problem;
   ASSERT_EQ(r.problem, "") << "both boxes live through it";
-  const Motion m = motion_of(r.robot, r.road_epoch_ns);
+  const Motion m = motion_of(r.robot, r.road_epoch_ns, heard);
   std::printf(
-      "%.2f m/s before, %.2f behind it; %d silences in which it had to stand; then %.3f m/s; "
-      "engaged %u times; others took %.2f of a core\n",
-      m.before_m_per_s, m.later_m_per_s, m.silences, m.late_m_per_s, r.op.view.engages,
-      r.others_cores);
+      "%.2f m/s before, %.2f behind it; heard %zu times, %d silences into which it drove and had "
+      "to "
+      "stand; then %.3f m/s; engaged %u times; others took %.2f of a core\n",
+      m.before_m_per_s, m.later_m_per_s, heard.size(), m.silences, m.late_m_per_s,
+      r.op.view.engages, r.others_cores);
+  ASSERT_FALSE(heard.empty()) << "the packets at the robot's port were not all seen";
   EXPECT_LE(m.late_m_per_s, kStands_m_per_s) << "nothing moves later than its bound";
   std::uint64_t later = 0;
   for (const auto& s : r.op.link.newest) {
@@ -138,6 +162,7 @@ TEST(Packets, ThirtyPercentLossStopsWhatIsSilentAndEndsNoRun) {
   EXPECT_GT(later, 0U) << "pictures go on";
   if (m.before_m_per_s < kDrives_m_per_s)
     GTEST_SKIP() << "it did not drive before: this machine was too slow";
+  if (m.silences == 0) GTEST_SKIP() << "not judged: no silence was long enough to have to stand in";
   EXPECT_GT(m.later_m_per_s, kDrives_m_per_s) << "work goes on, after another act where it must";
 }
 

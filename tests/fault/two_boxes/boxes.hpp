@@ -63,9 +63,10 @@ class BoxProgram {
   BoxProgram(const BoxProgram&) = delete;
   BoxProgram& operator=(const BoxProgram&) = delete;
 
-  // Before start(): where it writes; its keys, without which the road is plain.
+  // Before start(): where it writes; its keys, without which the road is plain; another road.
   void report_to(fs::path report) { report_ = std::move(report); }
   void use_keys(fs::path keys) { keys_ = std::move(keys); }
+  void go_by(std::vector<std::string> road) { road_ = std::move(road); }
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
 
   void start() {

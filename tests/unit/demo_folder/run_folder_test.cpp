@@ -93,8 +93,10 @@ TEST_F(RunFolder, BlackBoxesAreKeptWithTheLogsBesideThem) {
       put(name, "run " + std::to_string(run));
     EXPECT_EQ(refusal(), "") << run;
   }
-  EXPECT_EQ(names(), (std::set<std::string>{kMark, "before-4", "before-5", "before-6", "before-7",
-                                            "before-8"}));
+  EXPECT_EQ(names(), (std::set<std::string>{kMark, "before-1", "before-5", "before-6", "before-7",
+                                            "before-8"}))
+      << "the first one, where a crash loop began, and the newest four";
+  EXPECT_EQ(text_of("before-1/robot.blackbox"), "run 1");
   for (const std::string name : {"robot.blackbox", "robot.stop12.blackbox", "robot.log"})
     EXPECT_EQ(text_of("before-8/" + name), "run 8") << name;
   EXPECT_FALSE(fs::exists(raw() + "/before-8/robot.run"));

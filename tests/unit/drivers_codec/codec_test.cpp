@@ -374,6 +374,9 @@ TEST(Wire, RoundTripAndEveryByteCounts) {
   for (std::size_t n = 0; n < wire.size(); ++n) {  // every truncation
     ASSERT_NE(read_wire({wire.data(), n}, *back), FrameStatus::kOk) << n;
   }
+  Bytes longer = wire;
+  longer.push_back(0);
+  EXPECT_EQ(read_wire(longer, *back), FrameStatus::kBadHeader) << "bytes that nothing vouches for";
   for (std::size_t bit = 0; bit < wire.size() * 8; ++bit) {  // every single flipped bit
     Bytes b = wire;
     b[bit / 8] = static_cast<std::uint8_t>(b[bit / 8] ^ (1U << (bit % 8)));
