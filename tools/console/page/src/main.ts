@@ -16,6 +16,7 @@ import { Lists } from './panel/lists';
 import { Pad } from './panel/pad';
 import { entries, Rail } from './panel/rail';
 import { applyTheme, Session } from './panel/session';
+import { silentText, StopNote } from './panel/stop_note';
 import { tabs } from './panel/tabs';
 import { Timeline } from './panel/timeline';
 import { TopBar } from './panel/top';
@@ -55,7 +56,8 @@ function say(text: string, tone: Tone): void {
 class Page {
   readonly store = new Store();
   readonly link = new Link({ onView: bytes => this.store.take(bytes),
-    onState: (state, why) => this.linkChanged(state, why) });
+    onState: (state, why) => this.linkChanged(state, why),
+    onLate: (act, answer, after) => this.acts.late(act, answer, after) });
   readonly held = new Held(this.link);
   readonly acts = new Acts(this.link, this.store, this.held, say);
   readonly stage = new Stage(by<HTMLCanvasElement>('canvas'));
@@ -71,11 +73,13 @@ class Page {
     () => this.stage.touch());
   readonly drive = new Drive(this.link, this.held, { why: () => this.lockReason() },
     why => say(`Driving is locked: ${why}`, 'refused'), gamepads);
-  readonly pointer = new Pointer(this.stage, this.aimer, this.tools);
+  readonly pointer = new Pointer(this.stage, this.aimer, this.tools,
+    ray => this.lists.choose(this.things.under(ray)));
   readonly rail = new Rail(this.tools, this.stage, this.acts, this.store);
   readonly inset = new Inset(this.store, this.tools, this.selecting,
     () => { if (this.tools.name !== 'object') this.rail.choose('object'); });
   readonly top = new TopBar(this.acts, this.store);
+  readonly stopNote = new StopNote();
   readonly lists = new Lists(this.acts, this.store, this.stage, this.things);
   readonly health = new Health(this.acts, this.store, this.stage, () => this.figures());
   readonly timeline = new Timeline(this.acts, this.store);
@@ -109,6 +113,10 @@ class Page {
     this.hear();
     this.keys();
     watchLoss(this.held);
+    this.acts.onStop = state => {
+      this.stopNote.show(state);
+      if (state === 'silent') this.headset.tell(silentText);
+    };
     this.held.onLost((why, holds) => say(this.acts.lostText(why, holds), 'refused'));
     this.stage.besideFrame(() => {
       this.inset.drawNew();
@@ -127,6 +135,7 @@ class Page {
       this.drive.pollGamepad();
       hand.poll();
     }, padPeriod);
+    this.link.watchAddress();
     void this.link.start();
   }
 
@@ -161,11 +170,12 @@ class Page {
       if (this.meshTimes.length > mostTimes) this.meshTimes.shift();
     });
     this.mesh.onApplied = sequence => window.teletact?.applied?.(sequence);
-    store.on('picture', picture => {
-      this.picture.take(picture, this.stage.canvas.height);
+    store.on('picture', (picture, head) => {
+      this.inset.take(picture, head);
+      this.picture.take(picture, head, this.stage.canvas.height);
       this.robot.lens(picture);
     });
-    this.picture.onColour = bitmap => this.inset.show(bitmap);
+    this.picture.onColour = (bitmap, head) => this.inset.show(bitmap, head);
     store.on('pose', pose => {
       this.robot.take(pose);
       this.hand.take(pose);
@@ -175,7 +185,8 @@ class Page {
     });
     store.on('costMap', map => this.floor.takeCost(map));
     store.on('moving', cells => this.floor.takeMoving(cells, store.costMap?.resolution ?? 0.05));
-    store.on('text', slow => {
+    store.on('text', (slow, head) => {
+      this.held.boxLost(slow.lost ?? [], head.made);
       this.floor.takeSlow(slow);
       this.things.take(slow);
       this.stage.touch();
@@ -183,7 +194,9 @@ class Page {
     // Id 0: not an answer, but news of the session.
     store.on('answer', answer => {
       if (this.link.settle(answer)) return;
-      if (!answer.ok && this.drive.wasRefused(answer.id, answer.why ?? 'refused')) return;
+      const why = answer.why ?? 'refused';
+      if (!answer.ok && (this.tools.wasRefused(answer.id, why)
+        || this.drive.wasRefused(answer.id, why))) return;
       if (answer.id === 0 || !answer.ok) {
         say(answer.why ?? String(answer.result?.text ?? 'The session changed.'),
           answer.ok ? 'news' : 'refused');
@@ -212,11 +225,7 @@ class Page {
       y: () => void this.selecting.accept(''),
       '?': () => by<HTMLDialogElement>('help').showModal(),
       '+': () => this.zoom(0.87), '=': () => this.zoom(0.87), '-': () => this.zoom(1.15),
-      delete: () => {
-        const choice = this.lists.chosen;
-        if (choice?.kind === 'obstacle') this.acts.erase(choice.id);
-        if (choice?.kind === 'mark') this.acts.unmark(choice.id);
-      },
+      delete: () => this.deleteChosen(),
       escape: () => {
         this.pointer.cancel();
         this.selecting.drop();
@@ -226,6 +235,15 @@ class Page {
     };
     for (const entry of entries) plain[entry.key] = () => this.rail.choose(entry.name);
     listenToKeys(this.stage.canvas, this.drive, { stop: () => this.acts.stop(), plain });
+  }
+
+  private deleteChosen(): void {
+    const choice = this.things.chosen;
+    if (!choice) say('Nothing is chosen: click it with Look, or take Look at in its row.', 'news');
+    else if (choice.kind === 'object') say('Undo takes an object back, the newest first.', 'news');
+    else if (choice.kind === 'mark') this.acts.unmark(choice.id);
+    else this.acts.erase(choice.id);
+    if (choice?.kind !== 'object') this.lists.choose(null);
   }
 
   private zoom(factor: number): void {
@@ -257,8 +275,12 @@ class Page {
     if (state === 'elsewhere') {
       banner.append(button('Use it here', () => void this.link.start()));
     }
-    if (state === 'open') this.store.reconnected();
-    else this.held.lose('the connection to the box was lost');
+    if (state === 'open') {
+      this.store.reconnected();
+      this.picture.forget();
+    } else {
+      this.held.lose('the connection to the box was lost');
+    }
   }
 
   private themed(): void {

@@ -3,7 +3,8 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Drive } from '../src/act/drive';
 import { GamepadHand } from '../src/act/gamepad';
-import { Held, Hold } from '../src/act/held';
+import { Held } from '../src/act/held';
+import { Hold } from '../src/wire/types';
 import { until } from './browser';
 
 type Told = { act: string; keys: Record<string, unknown> };
@@ -50,6 +51,28 @@ test('a browser that stood still lets go', async () => {
   const count = b.told.length;
   await new Promise(done => setTimeout(done, 120));
   assert.equal(b.told.length, count, 'no token after it');
+});
+test('what the box has let go of is let go of here, once; older words do not count', () => {
+  const b = bench();
+  b.held.press('hand');
+  const now = performance.now() / 1000;
+  b.held.boxLost(['hand', 'drive'], now);
+  b.held.boxLost(['hand'], -Infinity);
+  assert.deepEqual(b.lost, []);
+  b.held.boxLost(['drive'], now + 1);
+  assert.ok(b.held.has('hand'));
+  b.held.boxLost(['hand', 'drive'], now + 1);
+  b.held.boxLost(['hand', 'drive'], now + 2);
+  assert.deepEqual(b.lost, [['hand']]);
+  assert.deepEqual(b.newest(), []);
+});
+test('a press anew begins with a token that lets go', () => {
+  const b = bench();
+  b.held.press('engage');
+  const before = b.told.length;
+  b.held.pressAnew('engage');
+  assert.deepEqual(b.told.slice(before).map(t => t.keys.holds), [[], ['engage']]);
+  b.held.release('engage');
 });
 test('a refused command lets go once, and an older one of no press says nothing', () => {
   const b = bench();

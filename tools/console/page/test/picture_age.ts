@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Store } from '../src/wire/store';
+import { Head } from '../src/wire/types';
 import { view } from '../twin/encode';
 
 const exposed = 0.1;         // s of the box's clock from exposure to when a picture is sent
@@ -24,6 +25,8 @@ function play(line: Line, seconds: number, offset = 0): Shown[] {
   const { clock, box, up = () => 0.004, down = () => 0.004 } = line;
   let now = 0;
   const store = new Store(() => now + offset);
+  let head: Head | null = null;
+  store.on('picture', (_, h) => { head = h; });
   const todo: { at: number; run: () => void }[] = [];
   const take = (bytes: Buffer) => {
     store.take(new Uint8Array(bytes).buffer as ArrayBuffer);
@@ -45,7 +48,7 @@ function play(line: Line, seconds: number, offset = 0): Shown[] {
   for (let t = 0.03; t < seconds; t += pictureEvery) {
     const bytes = view(4, 1, box(t), box(t) - exposed, emptyPicture);
     todo.push({ at: t + down(t), run: () => {
-      if (Number.isFinite(from)) shown.push({ t: now, age: store.pictureAge(), true: now - from });
+      if (Number.isFinite(from)) shown.push({ t: now, age: store.age(head), true: now - from });
       from = t - exposed;
       take(bytes);
     } });
@@ -129,6 +132,9 @@ for (const clock of ['real', 'paced'] as const) {
 test('no echo, no age; and none of a connection before', () => {
   let now = 0;
   const store = new Store(() => now);
+  let head: Head | null = null;
+  store.on('picture', (_, h) => { head = h; });
+  const pictureAge = () => store.age(head);
   const take = (bytes: Buffer) => {
     store.take(new Uint8Array(bytes).buffer as ArrayBuffer);
     store.flush();
@@ -137,14 +143,35 @@ test('no echo, no age; and none of a connection before', () => {
   const picture = (at: number) => take(view(4, 1, at, at - exposed, emptyPicture));
   now = 1;
   picture(4.9);
-  assert.equal(store.pictureAge(), Infinity);
+  assert.equal(pictureAge(), Infinity);
   take(echo);
   picture(5.1);
-  assert.ok(Math.abs(store.pictureAge() - 0.2) < 1e-9, String(store.pictureAge()));
+  assert.ok(Math.abs(pictureAge() - 0.2) < 1e-9, String(pictureAge()));
   now = 4;
-  assert.ok(Math.abs(store.pictureAge() - 3.2) < 1e-9, 'it grows while nothing comes');
+  assert.ok(Math.abs(pictureAge() - 3.2) < 1e-9, 'it grows while nothing comes');
   store.reconnected();
-  assert.equal(store.pictureAge(), Infinity);
+  assert.equal(pictureAge(), Infinity);
   picture(0.1);
-  assert.equal(store.pictureAge(), Infinity);
+  assert.equal(pictureAge(), Infinity);
+});
+
+test('a slow page: a picture without colour does not overtake one with it', () => {
+  const store = new Store(() => 1);
+  const seen: string[] = [];
+  store.on('picture', (picture, head) => seen.push(`${head.sequence} ${picture.jpeg !== null}`));
+  const take = (sequence: number, colour: boolean) => {
+    const body = Buffer.alloc(88 + (colour ? 1 : 0));
+    if (colour) body.writeUInt32LE(1, 80);
+    body.writeUInt8(colour ? 1 : 0, 84);
+    store.take(new Uint8Array(view(4, sequence, 1, 1, body)).buffer as ArrayBuffer);
+  };
+  take(1, true);
+  take(2, false);
+  take(3, false);
+  store.flush();
+  assert.deepEqual(seen, ['1 true', '3 false']);
+  take(4, false);
+  take(5, true);
+  store.flush();
+  assert.deepEqual(seen.slice(2), ['5 true']);
 });

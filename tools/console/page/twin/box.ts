@@ -8,7 +8,7 @@ import { extname, join, normalize } from 'node:path';
 import { WebSocket, WebSocketServer } from 'ws';
 import { Vec3 } from '../src/wire/types';
 import { Desk, Intent } from './desk';
-import { bits, cutBlocks, floats, lens, meshBody, shoot, Shot, view } from './encode';
+import { bits, cutBlocks, floats, lens, meshBody, recoloured, shoot, Shot, view } from './encode';
 import { Plant } from './plant';
 import { Body, makeBodies } from './world';
 
@@ -16,6 +16,7 @@ const types: Record<string, string> = { '.html': 'text/html', '.js': 'text/javas
   '.css': 'text/css', '.svg': 'image/svg+xml', '.txt': 'text/plain' };
 const mostEvents = 100;
 const keptIntents = 5000;
+const stall = 50;  // ms between two ticks
 const blocksAMessage = 120;
 const mostWaiting = 65536;  // bytes of a socket beyond which views are left out
 const cameraMount = { forward: -0.2, up: 0.95, pitch: 25 * Math.PI / 180 };
@@ -41,10 +42,15 @@ export class TwinBox {
   readonly desk: Desk;
   readonly intents: Intent[] = [];
   pictures = true;     // off: the camera's picture freezes
+  colour: 'each' | 'third' | 'none' | 'broken' = 'each';
+  hangPosts = false;   // no POST is answered
+  tellsLost = true;    // which holds have ended without being let go
   stops = 0;
+  private held: (() => void)[] | null = null;  // answers that are kept back
   clock: 'real' | 'paced' = 'real';
   private shot: Shot = { body: Buffer.alloc(0), ids: new Uint8Array(lens.width * lens.height) };
   private shotTime = -1;
+  private sent = 0;    // pictures
   private shotFrom = '';
   private eye: Vec3 = [0, 0, 1];
   private turn: number[] = [1, 0, 0, 0];
@@ -62,7 +68,10 @@ export class TwinBox {
     this.desk = new Desk(this.plant, this.bodies, () => this.shot.ids, lens,
       () => this.plant.time - this.shotTime, (text, kind) => this.note(text, kind));
     this.plant.onEvent = (text, kind) => this.note(text, kind);
-    this.server = createServer((request, response) => void this.answer(request, response));
+    this.server = createServer((request, response) => {
+      if (this.hangPosts && request.method === 'POST') return;
+      this.whenUp(() => void this.answer(request, response));
+    });
     this.server.on('upgrade', (request, socket, head) => {
       const session = this.sessionOf(request);
       if (!session || request.headers.origin !== `http://${request.headers.host}`) {
@@ -94,6 +103,14 @@ export class TwinBox {
     await new Promise(done => this.server.close(done));
   }
 
+  // As if the box hung: it takes and says nothing; then all that came is taken, late.
+  hang(): void { this.held ??= []; }
+  goOn(): void {
+    const waiting = this.held ?? [];
+    this.held = null;
+    for (const run of waiting) run();
+  }
+
   // As if the box were gone for a moment.
   dropSockets(): void { for (const socket of this.sockets.clients) socket.terminate(); }
 
@@ -108,8 +125,14 @@ export class TwinBox {
     if (this.events.length > mostEvents) this.events.shift();
   }
 
+  private whenUp(run: () => void): void {
+    if (this.held) this.held.push(run);
+    else run();
+  }
+
   private tick(): void {
     const now = performance.now();
+    if (now - this.last > stall) this.plant.stoodStill((now - this.last) / 1000);
     // A stretch in which this process did not run is made of small steps, as it would have been.
     for (let left = (now - this.last) / 1000; left > 0; left -= 0.01) {
       this.plant.step(Math.min(0.01, left));
@@ -181,7 +204,11 @@ export class TwinBox {
   private join(socket: WebSocket, session: Session): void {
     session.socket?.close(4001, 'this session goes on elsewhere');
     session.socket = socket;
-    socket.on('message', data => this.intent(socket, session, String(data)));
+    if (session.role === 'operator') this.plant.renew();
+    socket.on('close', () => {
+      if (session.role === 'operator' && session.socket === socket) this.plant.lose();
+    });
+    socket.on('message', data => this.whenUp(() => this.intent(socket, session, String(data))));
     const cells = cutBlocks(this.bodies);
     for (let i = 0; i < cells.length; i += blocksAMessage) {
       const body = meshBody(cells.slice(i, i + blocksAMessage), i / blocksAMessage + 1, i === 0);
@@ -226,6 +253,7 @@ export class TwinBox {
   }
 
   private send(kind: number, body: Buffer, data: number): void {
+    if (this.held) return;
     const bytes = this.made(kind, body, data);
     for (const socket of this.sockets.clients) {
       const ready = socket.readyState === WebSocket.OPEN;
@@ -245,7 +273,9 @@ export class TwinBox {
     if (from !== this.shotFrom) this.shot = shoot(this.bodies, this.eye, this.turn);
     this.shotFrom = from;
     this.shotTime = this.plant.time;
-    this.send(4, this.shot.body, this.shotTime);
+    const plain = this.colour === 'each' || (this.colour === 'third' && ++this.sent % 3 === 0);
+    this.send(4, plain ? this.shot.body
+      : recoloured(this.shot.body, this.colour === 'broken' ? 'broken' : 'none'), this.shotTime);
   }
 
   private sendPose(): void {
@@ -318,9 +348,10 @@ export class TwinBox {
       marks: this.desk.marks, obstacles: p.obstacles,
       objects: this.desk.objects, events: this.events, recording: this.desk.recording,
       sessions: this.desk.sessions,
+      ...(this.tellsLost ? { lost: p.lost } : {}),
       first_steps: this.desk.steps, console: { viewers: this.sockets.clients.size, share: 0.02 },
     };
-    for (const session of this.sessions.values()) {
+    for (const session of this.held ? [] : this.sessions.values()) {
       if (session.socket?.readyState !== WebSocket.OPEN) continue;
       session.socket.send(this.made(1, Buffer.from(JSON.stringify({ ...slow, role: session.role })),
         p.time));

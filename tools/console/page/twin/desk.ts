@@ -1,6 +1,6 @@
 // What the twin makes of each intent: checked, done or refused with a reason.
 import { Obstacle, SavedSession, SceneObject, Vec3 } from '../src/wire/types';
-import { Plant } from './plant';
+import { HoldName, Plant } from './plant';
 import { Body } from './world';
 
 export interface Intent { id: number; act: string; [key: string]: unknown }
@@ -28,6 +28,7 @@ export class Desk {
   marked: Vec3 | null = null;
   recording = false;
   device = { kind: 'mouse', state: 'ready', renders_force: false, scale: 1, clutch: false };
+  haptic = false;  // a real device, whose place the page can not take
   mask: boolean[] = [];
   proposal = 0;
   private clicks = 0;
@@ -80,7 +81,8 @@ export class Desk {
 
   private hand(i: Intent): Reply {
     if (!vec(i.p) || !vec(i.normal)) return refused('a hand has p and normal');
-    if (!this.plant.holds('hand')) return refused('the hand is not held');
+    if (this.haptic) return refused('a haptic device is in its place');
+    if (!this.plant.holds('hand')) return refused(this.notHeld('hand'));
     this.plant.hand = { p: i.p, normal: i.normal, press: i.press === true };
     if (i.press === true) this.steps.touch = true;
     return { ok: true, quiet: true };
@@ -88,12 +90,19 @@ export class Desk {
 
   private drive(i: Intent): Reply {
     if (!finite(i.vx, i.vy, i.wz)) return refused('speeds are numbers');
+    if (!this.plant.holds('drive')) return refused(this.notHeld('drive'));
     if (this.pictureAge() > 1) return refused('the newest picture is old');
     this.plant.drive([i.vx as number, i.vy as number, i.wz as number]);
     return { ok: true, quiet: true };
   }
 
+  private notHeld(name: HoldName): string {
+    return this.plant.lost.includes(name) ? 'let go first, then press again' : 'nothing is held';
+  }
+
   private engage(): Reply {
+    this.plant.say('engage', true);
+    if (!this.plant.holds('engage')) return refused(this.notHeld('engage'));
     if (!this.plant.linkUp) return refused('the link is silent');
     if (this.plant.mode === 'ramp_down') return refused('the base still ramps down');
     this.plant.mode = 'engaged';

@@ -139,6 +139,16 @@ export function shoot(bodies: Body[], eye: Vec3, q: number[]): Shot {
   return { body: Buffer.concat([head, Buffer.from(depth.buffer), picture]), ids };
 }
 
+// A picture as a robot sends it that saves colour, or whose colour is damaged on the way.
+export function recoloured(body: Buffer, colour: 'none' | 'broken'): Buffer {
+  const copy = Buffer.from(body);
+  const start = 88 + copy.readUInt32LE(76);
+  if (colour === 'broken') return copy.fill(0x55, start);
+  copy.writeUInt32LE(0, 80);
+  copy.writeUInt8(0, 84);
+  return copy.subarray(0, start);
+}
+
 export function bits(mask: boolean[]): Buffer {
   const packed = Buffer.alloc(Math.ceil(mask.length / 8));
   mask.forEach((on, i) => { if (on) packed[i >> 3]! |= 1 << (i & 7); });

@@ -10,7 +10,29 @@ const reached = 0.03;        // m from the end of the path
 const arrival = 0.1;         // m from the goal
 const warnAhead = 0.7;       // s of driving by hand
 
+export const holdNames = ['engage', 'hand', 'drive'] as const;
+export type HoldName = typeof holdNames[number];
+
 type Xy = [number, number];
+
+// As tools/desk/hold.hpp: one that lapsed is not taken up by what says it again; a token without it
+// must come first.
+class Hold {
+  state: 'free' | 'held' | 'lost' = 'free';
+  until = 0;
+
+  say(held: boolean, now: number): void {
+    this.expire(now);
+    if (!held) this.state = 'free';
+    if (!held || this.state === 'lost') return;
+    this.state = 'held';
+    this.until = now + tokenLife;
+  }
+
+  lose(): void { if (this.state === 'held') this.state = 'lost'; }
+
+  expire(now: number): void { if (now > this.until) this.lose(); }
+}
 
 export class Plant {
   time = 0;
@@ -27,17 +49,31 @@ export class Plant {
   hand: { p: Vec3; normal: Vec3; press: boolean } | null = null;  // as said last, while held
   obstacles: Obstacle[] = [];
   onEvent: (text: string, kind: string) => void = () => {};
-  private readonly until = new Map<string, number>();
+  private readonly held = { engage: new Hold(), hand: new Hold(), drive: new Hold() };
   private command: Vec3 = [0, 0, 0];
 
   tokens(holds: string[]): void {
-    for (const hold of ['engage', 'hand', 'drive']) {
-      if (holds.includes(hold)) this.until.set(hold, this.time + tokenLife);
-      else this.until.delete(hold);
-    }
+    for (const name of holdNames) this.say(name, holds.includes(name));
   }
 
-  holds(hold: string): boolean { return (this.until.get(hold) ?? -1) > this.time; }
+  say(name: HoldName, held: boolean): void { this.held[name].say(held, this.time); }
+
+  holds(name: HoldName): boolean { return this.held[name].state === 'held'; }
+
+  get lost(): HoldName[] { return holdNames.filter(name => this.held[name].state === 'lost'); }
+
+  // Without a name: whoever held is gone.
+  lose(which: readonly HoldName[] = holdNames): void {
+    for (const name of which) this.held[name].lose();
+  }
+
+  // The twin itself did not run for so long, s: tokens of that time wait to be read.
+  stoodStill(gap: number): void {
+    for (const name of holdNames) this.held[name].until += gap;
+  }
+
+  // Another page, which holds nothing yet.
+  renew(): void { for (const name of holdNames) this.held[name].state = 'free'; }
 
   drive(command: Vec3): void { this.command = command; }
 
@@ -59,7 +95,7 @@ export class Plant {
     this.mode = 'ramp_down';
     this.cause = 'stop was pressed';
     this.drop();
-    this.until.clear();
+    this.lose(['hand', 'drive']);
   }
 
   drop(): void {
@@ -115,6 +151,7 @@ export class Plant {
 
   step(dt: number): void {
     this.time += dt;
+    for (const name of holdNames) this.held[name].expire(this.time);
     if (!this.linkUp) this.silence();
     if (this.mode === 'engaged' && !this.holds('engage')) {
       this.mode = 'hold';

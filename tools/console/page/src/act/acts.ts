@@ -1,13 +1,22 @@
 // Acts: asked of the box, and what it answers told to the person.
 import { Link } from '../wire/link';
 import { Store } from '../wire/store';
-import { Answer, Obstacle, Vec3 } from '../wire/types';
-import { Held, Hold } from './held';
+import { Answer, Hold, Obstacle, Vec3 } from '../wire/types';
+import { Held, lateLine } from './held';
 
 export type Tone = 'done' | 'refused' | 'news';
 export type Say = (text: string, tone: Tone) => void;
 
+const newPress = 'let go first, then press again';  // the box, of a hold that it has lost
+
+// Of the newest press: what is known of its way to the box.
+export type StopState = 'sent' | 'arrived' | 'silent';
+
 export class Acts {
+  onStop: (state: StopState) => void = () => {};
+  private stops = 0;
+  private stopState: StopState = 'arrived';
+
   constructor(readonly link: Link, readonly store: Store, readonly held: Held,
     readonly say: Say) {}
 
@@ -22,15 +31,36 @@ export class Acts {
   // First of all and beside everything: no look at roles, at the connection, at other acts.
   stop(): void {
     const sent = this.link.stop();
+    const press = ++this.stops;
+    this.stopIs('sent');
     this.held.lose('stop was pressed');
     void sent.then(taken => {
-      this.say(taken ? 'Stop: the box ramps down.' : 'STOP did not reach the box. '
-        + 'Use the stop on the robot.', taken ? 'done' : 'refused');
+      if (press !== this.stops) return;
+      this.stopIs(taken ? 'arrived' : 'silent');
+      if (taken) this.say('Stop: the box ramps down.', 'done');
     });
   }
 
+  // An answer that nobody waits for any more.
+  late(act: string, answer: Answer, after: number): void {
+    const text = answer.result?.text;
+    const what = !answer.ok ? `refused: ${answer.why ?? 'no reason given'}`
+      : typeof text === 'string' ? text : 'done.';
+    if (act !== 'stop') this.say(`Late, after ${after.toFixed(1)} s, ${act}: ${what}`, 'news');
+    else if (answer.ok && this.stopState === 'silent') {
+      this.stopIs('arrived');
+      this.say(`The stop has arrived late, after ${after.toFixed(1)} s.`, 'news');
+    }
+  }
+
+  private stopIs(state: StopState): void {
+    this.stopState = state;
+    this.onStop(state);
+  }
+
   async engage(): Promise<void> {
-    this.held.press('engage');
+    const goesOn = this.held.has('engage') && this.store.slow.mode === 'engaged';
+    if (!goesOn) this.held.pressAnew('engage');
     const answer = await this.ask('engage', {},
       'Engaged while this page is shown.');
     if (!answer.ok) this.held.release('engage');
@@ -72,7 +102,7 @@ export class Acts {
 
   note(text: string): void { void this.ask('note', { text }, 'Noted on the timeline.'); }
 
-  tell(act: string, keys: object): void { this.link.tell(act, keys); }
+  tell(act: string, keys: object): number { return this.link.tell(act, keys); }
 
   nextObstacleId(): number {
     const taken = new Set((this.store.slow.obstacles ?? []).map(o => o.id));
@@ -84,6 +114,7 @@ export class Acts {
   lostText(why: string, holds: Hold[]): string {
     const what = holds.map(h => h === 'drive' ? 'driving' : h === 'hand' ? 'touching'
       : 'the engagement');
-    return `Let go of ${what.join(' and ')}: ${why}. Press again to go on.`;
+    const said = why === newPress ? lateLine : why;
+    return `Let go of ${what.join(' and ')}: ${said}. Press again to go on.`;
   }
 }

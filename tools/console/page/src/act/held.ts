@@ -1,21 +1,23 @@
 // What must be held: engage, hand, drive. A token 20 times a second says "I still hold this"; the
 // box ends the act 200 ms after the last one. Whatever takes the page away from the person (blur,
 // hidden tab, lost pointer, gamepad or socket, a frozen browser) lets go here as well, and only a
-// new press holds again.
-
-export type Hold = 'engage' | 'hand' | 'drive';
+// new press holds again. Where the line was late only the box knows that it let go: it says so.
+import { Hold } from '../wire/types';
 
 export const tokenPeriod = 50;  // ms
 const life = 200;               // ms that a token lives
+const underWay = 100;           // ms by which the ways of two tokens may differ
 
 export interface HeldRoad {
   tell: (act: string, keys: object) => void;
 }
 
+export const lateLine = 'the box heard too late that it was held';
+
 type Lost = (why: string, holds: Hold[]) => void;
 
 export class Held {
-  private readonly holds = new Set<Hold>();
+  private readonly holds = new Map<Hold, number>();  // since, s of the page's clock
   private lastTick = 0;
   private timer: ReturnType<typeof setInterval> | null = null;
   private readonly hearers: Lost[] = [];
@@ -28,11 +30,25 @@ export class Held {
   // Only from a fresh press of a person.
   press(hold: Hold): void {
     this.awake();
-    this.holds.add(hold);
+    if (!this.holds.has(hold)) this.holds.set(hold, performance.now() / 1000);
     this.send();
     if (this.timer !== null) return;
     this.lastTick = this.now();
     this.timer = setInterval(() => this.tick(), tokenPeriod);
+  }
+
+  // The box may have lost it, which the page can not know yet: let go first.
+  pressAnew(hold: Hold): void {
+    this.holds.delete(hold);
+    this.send();
+    this.press(hold);
+  }
+
+  // What the box has let go of by itself, in a view that was made then; s of the page's clock. One
+  // from before a press says nothing of it.
+  boxLost(which: Hold[], made: number): void {
+    this.lose(lateLine, which.filter(hold =>
+      made > (this.holds.get(hold) ?? Infinity) + underWay / 1000));
   }
 
   release(hold: Hold): void {
@@ -70,7 +86,7 @@ export class Held {
   }
 
   private send(): void {
-    this.road.tell('token', { holds: [...this.holds], t: performance.now() / 1000 });
+    this.road.tell('token', { holds: [...this.holds.keys()], t: performance.now() / 1000 });
   }
 
   private rest(): void {

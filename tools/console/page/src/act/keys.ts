@@ -36,7 +36,8 @@ export function listenToKeys(canvas: HTMLCanvasElement, drive: Drive, acts: KeyA
     }
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const accepts = inPicture !== null && event.key.toLowerCase() === 'y';
-    if (isControl(event.target) && !accepts) return;
+    const deletes = event.target instanceof HTMLButtonElement && event.key === 'Delete';
+    if (isControl(event.target) && !accepts && !deletes) return;
     const command = driveKeys[event.code];
     if (command) {
       event.preventDefault();

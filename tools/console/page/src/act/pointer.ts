@@ -1,6 +1,6 @@
 // The pointer, the touch screen and the keyboard's cross-hair over the scene. With a tool in the
 // hand, the first finger or the left button acts, two fingers or the right button turn the view.
-import { MOUSE, TOUCH } from 'three';
+import { MOUSE, Ray, TOUCH } from 'three';
 import { by } from '../panel/dom';
 import { Stage } from '../view/stage';
 import { Aimer } from './aim';
@@ -8,14 +8,17 @@ import { Tools } from './tools';
 
 const crossStep = 8;   // px a press of an arrow key
 const crossFine = 2;   // with Shift
+const still = 4;       // px between press and release of a click that is no drag
 
 export class Pointer {
   private active: number | null = null;
   private cross: [number, number] | null = null;
   private crossDown = false;
+  private looked: [number, number] | null = null;  // where a press of the tool "look" began
 
+  // `choose`: a click of the tool "look" is on what lies there.
   constructor(private readonly stage: Stage, private readonly aimer: Aimer,
-    private readonly tools: Tools) {
+    private readonly tools: Tools, private readonly choose: (ray: Ray) => void) {
     const { canvas } = stage;
     canvas.addEventListener('pointerdown', event => this.down(event));
     canvas.addEventListener('pointermove', event => {
@@ -23,6 +26,7 @@ export class Pointer {
     });
     canvas.addEventListener('pointerup', event => {
       if (event.pointerId === this.active) this.end(event.clientX, event.clientY);
+      else this.endLook(event.clientX, event.clientY);
     });
     for (const kind of ['pointercancel', 'lostpointercapture'] as const) {
       canvas.addEventListener(kind, event => {
@@ -66,7 +70,12 @@ export class Pointer {
       this.cancel();
       return;
     }
-    if (event.button !== 0 || !event.isPrimary || this.tools.name === 'look') return;
+    this.looked = null;
+    if (event.button !== 0 || !event.isPrimary) return;
+    if (this.tools.name === 'look') {
+      this.looked = [event.clientX, event.clientY];
+      return;
+    }
     const { selecting } = this.tools;
     const sign = selecting.sign;
     if (event.shiftKey || event.altKey) selecting.sign = -1;
@@ -80,6 +89,13 @@ export class Pointer {
   private end(x: number, y: number): void {
     this.active = null;
     this.tools.up(this.aimer.at(x, y));
+  }
+
+  private endLook(x: number, y: number): void {
+    const from = this.looked;
+    this.looked = null;
+    if (!from || Math.hypot(x - from[0], y - from[1]) > still) return;
+    this.choose(this.aimer.at(x, y).ray);
   }
 
   private key(event: KeyboardEvent): void {

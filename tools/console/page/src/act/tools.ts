@@ -29,6 +29,8 @@ const regionTop = 2;       // m above the floor that a forgotten region reaches
 // A hand is where it was said last until it is let go, so a pointer that rests says nothing.
 class TouchTool implements Tool {
   act = 'hand';
+  private readonly ids = new Set<number>();  // said since the press
+  private told = false;                      // that one was refused
   private began = 0;
   private sent = 0;
   private last: Aim | null = null;
@@ -36,6 +38,8 @@ class TouchTool implements Tool {
 
   down(aim: Aim): void {
     if (!aim.point) return;
+    this.ids.clear();
+    this.told = false;
     this.began = performance.now();
     this.acts.held.press('hand');
     this.send(aim, true);
@@ -58,12 +62,21 @@ class TouchTool implements Tool {
 
   cancel(): void { this.acts.held.lose('the pointer was taken away', ['hand']); }
 
+  // The touch is let go and that is told once, not 60 times a second. False: of no touch.
+  wasRefused(id: number, why: string): boolean {
+    if (!this.ids.has(id)) return false;
+    if (this.acts.held.has('hand')) this.acts.held.lose(why, ['hand']);
+    else if (!this.told) this.acts.say(`Refused: ${why}`, 'refused');
+    this.told = true;
+    return true;
+  }
+
   private send(aim: Aim, press: boolean): void {
     if (!aim.point) return;
     this.last = aim;
     this.sent = performance.now();
-    this.acts.tell('hand', { p: aim.point, normal: aim.normal, press, button: false,
-      clutch: false });
+    this.ids.add(this.acts.tell('hand', { p: aim.point, normal: aim.normal, press, button: false,
+      clutch: false }));
   }
 }
 
@@ -254,6 +267,7 @@ export class Tools {
   readonly obstacle: ObstacleTool;
   readonly forget: ForgetTool;
   onChange: () => void = () => {};
+  private readonly touch: TouchTool;
   private readonly tools: Partial<Record<ToolName, Tool>>;
   private active: Tool | null = null;
 
@@ -262,8 +276,9 @@ export class Tools {
     const seen = () => { changed(); this.onChange(); };
     this.obstacle = new ObstacleTool(acts, things, aimer, changed);
     this.forget = new ForgetTool(things, seen);
+    this.touch = new TouchTool(acts);
     this.tools = {
-      touch: new TouchTool(acts), mark: new MarkTool(acts, things, changed),
+      touch: this.touch, mark: new MarkTool(acts, things, changed),
       go: new GoTool(acts, things, changed), obstacle: this.obstacle, forget: this.forget,
       object: {
         act: 'select', move: () => {}, up: () => {}, cancel: () => {},
@@ -312,6 +327,9 @@ export class Tools {
     this.active?.cancel();
     this.active = null;
   }
+
+  // An answer to none of its acts: false.
+  wasRefused(id: number, why: string): boolean { return this.touch.wasRefused(id, why); }
 
   get busy(): boolean { return this.active !== null; }
 }

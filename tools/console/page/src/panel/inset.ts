@@ -1,12 +1,17 @@
 // The newest picture of the camera with its age as the colour and the form of its border; clicks in
-// it choose objects. A picture that no longer comes locks driving, and that is to be seen.
+// it choose objects. A picture that no longer comes locks driving, and that is to be seen. The age
+// is of what is drawn, not of what has come: a picture may have no colour, or not be readable.
+// Where no colour comes any more the depth is drawn as grey.
 import { Selecting } from '../act/selecting';
 import { Tools } from '../act/tools';
 import { Store } from '../wire/store';
+import { Head, Picture } from '../wire/types';
 import { by, h, setText } from './dom';
 
 const lateAfter = 0.35;   // s
 const frozenAfter = 1.0;  // s: beyond, no driving by what is seen
+
+const [near, far] = [300, 5000];  // mm: white and dark grey
 
 export type Freshness = 'fresh' | 'late' | 'frozen';
 
@@ -14,13 +19,29 @@ export function freshness(age: number): Freshness {
   return age < lateAfter ? 'fresh' : age < frozenAfter ? 'late' : 'frozen';
 }
 
+// Near is bright; black: nothing was measured.
+export function greyOf(depth: Uint16Array): Uint8ClampedArray<ArrayBuffer> {
+  const rgba = new Uint8ClampedArray(4 * depth.length);
+  depth.forEach((mm, i) => {
+    const v = mm === 0 ? 0
+      : 255 - 215 * (Math.min(far, Math.max(near, mm)) - near) / (far - near);
+    rgba.fill(v, 4 * i, 4 * i + 3);
+    rgba[4 * i + 3] = 255;
+  });
+  return rgba;
+}
+
+interface Shown { image: ImageBitmap | HTMLCanvasElement; head: Head }
+
 export class Inset {
   state: Freshness = 'frozen';
   private readonly canvas = by<HTMLCanvasElement>('picture');
   private readonly age = h('span');
   private readonly word = h('strong');
-  private bitmap: ImageBitmap | null = null;
-  private isNew = false;  // and not drawn yet
+  private shown: Shown | null = null;
+  private waiting: Shown | null = null;  // newer, and not drawn yet
+  private grey: HTMLCanvasElement | null = null;
+  private colourCame = -Infinity;        // s of this page's clock
   private overlay: HTMLCanvasElement | null = null;
   private cross: [number, number] = [0.5, 0.5];
 
@@ -38,12 +59,22 @@ export class Inset {
   }
 
   // Not kept beyond the next one: the layer in the scene closes it.
-  show(bitmap: ImageBitmap): void {
-    this.bitmap = bitmap;
-    this.isNew = true;
+  show(bitmap: ImageBitmap, head: Head): void { this.waiting = { image: bitmap, head }; }
+
+  // Of each picture that comes: one with colour is shown when it is decoded.
+  take(picture: Picture, head: Head): void {
+    const now = performance.now() / 1000;
+    if (picture.jpeg) this.colourCame = now;
+    if (now - this.colourCame <= frozenAfter || picture.depth.length === 0) return;
+    const grey = this.grey ??= document.createElement('canvas');
+    grey.width = picture.width;
+    grey.height = picture.height;
+    grey.getContext('2d')!.putImageData(
+      new ImageData(greyOf(picture.depth), picture.width, picture.height), 0, 0);
+    this.waiting = { image: grey, head };
   }
 
-  drawNew(): void { if (this.isNew) this.draw(); }
+  drawNew(): void { if (this.waiting) this.draw(); }
 
   propose(): void {
     const proposal = this.selecting.proposal;
@@ -65,10 +96,11 @@ export class Inset {
 
   // Asked often: an age grows also when nothing comes.
   tick(): Freshness {
-    const age = this.store.pictureAge();
+    const age = this.store.age(this.shown?.head ?? null);
     const state = freshness(age);
+    const grey = this.shown?.image instanceof HTMLCanvasElement ? ', no colour' : '';
     setText(this.age, !Number.isFinite(age) ? 'no picture'
-      : age < 1 ? `${(1000 * age).toFixed(0)} ms old` : `${age.toFixed(1)} s old`);
+      : (age < 1 ? `${(1000 * age).toFixed(0)} ms old` : `${age.toFixed(1)} s old`) + grey);
     if (state !== this.state || this.word.textContent === '') {
       this.state = state;
       setText(this.word, { fresh: 'Live', late: 'Late',
@@ -105,14 +137,17 @@ export class Inset {
   }
 
   private draw(): void {
-    this.isNew = false;
+    // A bitmap that was closed meanwhile has no width: what is drawn stays, with its age.
+    if (this.waiting && this.waiting.image.width > 0) this.shown = this.waiting;
+    this.waiting = null;
     const context = this.canvas.getContext('2d')!;
-    if (this.bitmap && this.bitmap.width > 0) {
-      if (this.canvas.width !== this.bitmap.width) {
-        this.canvas.width = this.bitmap.width;
-        this.canvas.height = this.bitmap.height;
+    const image = this.shown?.image;
+    if (image && image.width > 0) {
+      if (this.canvas.width !== image.width || this.canvas.height !== image.height) {
+        this.canvas.width = image.width;
+        this.canvas.height = image.height;
       }
-      context.drawImage(this.bitmap, 0, 0);
+      context.drawImage(image, 0, 0);
     }
     const { width, height } = this.canvas;
     if (this.overlay) context.drawImage(this.overlay, 0, 0, width, height);

@@ -22,7 +22,6 @@ export class Lists {
   private readonly objects: Rows<SceneObject>;
   private readonly moving: Rows<Moving & { key: string }>;
   private readonly marks: Rows<{ id: number; points: Vec3[] }>;
-  private choice: Choice = null;
 
   constructor(private readonly acts: Acts, private readonly store: Store,
     private readonly stage: Stage, private readonly things: ThingsLayer) {
@@ -47,13 +46,10 @@ export class Lists {
   }
 
   choose(choice: Choice): void {
-    this.choice = choice;
     this.things.choose(choice);
     this.stage.touch();
     this.show();
   }
-
-  get chosen(): Choice { return this.choice; }
 
   show(): void {
     const { slow, pose } = this.store;
@@ -90,10 +86,12 @@ export class Lists {
     return { element, title, more };
   }
 
-  private look(at: () => Vec3 | null): HTMLButtonElement {
+  // What can be chosen is chosen by it: Delete is then about it.
+  private look(at: () => Vec3 | null, choice: () => Choice = () => null): HTMLButtonElement {
     return button('Look at', () => {
       const p = at();
       if (p) this.stage.lookAt(p);
+      this.choose(choice());
     });
   }
 
@@ -111,11 +109,12 @@ export class Lists {
 
   private objectRow() {
     let o: SceneObject | null = null;
-    const { element, title, more } = this.row(() => [this.look(() => o?.centre ?? null),
-      this.goButton(() => o?.centre ?? null)]);
+    const centre = () => o?.centre ?? null;
+    const { element, title, more } = this.row(() => [
+      this.look(centre, () => o && { kind: 'object', id: o.id }), this.goButton(centre)]);
     return { element, update: (object: SceneObject) => {
       o = object;
-      element.classList.toggle('chosen', this.isChosen('object', object.id));
+      element.classList.toggle('chosen', this.things.isChosen('object', object.id));
       setText(title, objectName(object));
       setText(more, `${object.extent.map(e => (100 * e).toFixed(0)).join(' x ')} cm at `
         + `${words(object.centre)}${object.seen === false ? ', not seen now' : ''}`);
@@ -125,10 +124,12 @@ export class Lists {
   private markRow() {
     let mark: { id: number; points: Vec3[] } | null = null;
     const first = () => mark?.points[0] ?? null;
-    const { element, title, more } = this.row(() => [this.look(first), this.goButton(first),
+    const { element, title, more } = this.row(() => [
+      this.look(first, () => mark && { kind: 'mark', id: mark.id }), this.goButton(first),
       button('Delete', () => { if (mark) this.acts.unmark(mark.id); })]);
     return { element, update: (m: { id: number; points: Vec3[] }) => {
       mark = m;
+      element.classList.toggle('chosen', this.things.isChosen('mark', m.id));
       setText(title, `Mark ${m.id}`);
       setText(more, `${m.points.length} points from ${words(m.points[0] ?? null)}`);
     } };
@@ -154,12 +155,13 @@ export class Lists {
       if (!fields.hidden) fields.replaceChildren(...this.obstacleFields(o!));
     }, { 'aria-expanded': 'false' });
     fields.hidden = true;
-    const { element, title, more } = this.row(() => [this.look(() => o?.centre ?? null), edit,
+    const { element, title, more } = this.row(() => [this.look(() => o?.centre ?? null,
+      () => o && { kind: 'obstacle', id: o.id }), edit,
       button('Delete', () => { if (o) this.acts.erase(o.id); })]);
     element.append(fields);
     return { element, update: (obstacle: Obstacle) => {
       o = obstacle;
-      element.classList.toggle('chosen', this.isChosen('obstacle', obstacle.id));
+      element.classList.toggle('chosen', this.things.isChosen('obstacle', obstacle.id));
       setText(title, `Keep-out ${obstacle.id}, ${obstacle.kind}`);
       setText(more, `${words(obstacle.centre)}, half ${obstacle.half[0].toFixed(2)} m`);
     } };
@@ -208,9 +210,5 @@ export class Lists {
       }
     } }, h('div', { class: 'fields' }, ...inputs, h('button', { type: 'submit' }, 'Go there')));
     return form;
-  }
-
-  private isChosen(kind: string, id: number): boolean {
-    return this.choice?.kind === kind && this.choice.id === id;
   }
 }

@@ -6,6 +6,8 @@ import { clear, glass, label, outline, palette, quaternion, tube } from './shape
 export type Choice = { kind: 'mark' | 'obstacle' | 'object'; id: number } | null;
 
 const discHeight = 0.3;
+const markRadius = 0.012;
+const catchRadius = 0.05;  // of a mark, for the pointer
 
 function obstacleShape(o: Obstacle, chosen: boolean): THREE.Group {
   const height = o.kind === 'disc' ? discHeight : 2 * o.half[2];
@@ -68,13 +70,25 @@ export class ThingsLayer {
     this.drawn = key;
     clear(this.stored);
     for (const mark of slow.marks ?? []) {
-      const chosen = this.choice?.kind === 'mark' && this.choice.id === mark.id;
-      this.stored.add(tube(mark.points, 0.012, chosen ? 0xffffff : palette.purple));
+      const chosen = this.isChosen('mark', mark.id);
+      this.stored.add(tube(mark.points, markRadius, chosen ? 0xffffff : palette.purple));
+      const catches = tube(mark.points, catchRadius, 0);
+      catches.visible = false;
+      catches.userData.choice = { kind: 'mark', id: mark.id };
+      this.stored.add(catches);
     }
-    for (const o of slow.obstacles ?? []) this.stored.add(obstacleShape(o, this.chosen(o.id)));
+    for (const o of slow.obstacles ?? []) {
+      this.stored.add(obstacleShape(o, this.isChosen('obstacle', o.id)));
+    }
     for (const o of slow.objects ?? []) {
-      this.stored.add(objectShape(o, this.choice?.kind === 'object' && this.choice.id === o.id));
+      this.stored.add(objectShape(o, this.isChosen('object', o.id)));
     }
+  }
+
+  get chosen(): Choice { return this.choice; }
+
+  isChosen(kind: string, id: number): boolean {
+    return this.choice?.kind === kind && this.choice.id === id;
   }
 
   choose(choice: Choice): void {
@@ -91,7 +105,7 @@ export class ThingsLayer {
 
   drawStroke(points: Vec3[]): void {
     clear(this.draft);
-    if (points.length > 0) this.draft.add(tube(points, 0.012, palette.purple));
+    if (points.length > 0) this.draft.add(tube(points, markRadius, palette.purple));
   }
 
   drawObstacle(obstacle: Obstacle): void {
@@ -109,8 +123,4 @@ export class ThingsLayer {
   }
 
   clearDraft(): void { clear(this.draft); }
-
-  private chosen(id: number): boolean {
-    return this.choice?.kind === 'obstacle' && this.choice.id === id;
-  }
 }

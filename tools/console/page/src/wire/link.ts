@@ -1,6 +1,7 @@
 // The road to the box: the session by its cookie, the WebSocket, acts and their answers, the stop.
 // The page dials again by itself when the socket is lost, except where the box says that this
-// session goes on in another window (close code 4001).
+// session goes on in another window (close code 4001). A link with a code that is pasted into the
+// open page counts as it does where the page begins.
 import { Answer } from './types';
 
 export type LinkState = 'starting' | 'open' | 'lost' | 'refused' | 'elsewhere';
@@ -8,24 +9,36 @@ export type LinkState = 'starting' | 'open' | 'lost' | 'refused' | 'elsewhere';
 export interface LinkEvents {
   onView: (bytes: ArrayBuffer) => void;
   onState: (state: LinkState, why: string) => void;
+  onLate: (act: string, answer: Answer, after: number) => void;  // s; it was given up before
 }
 
 interface Waiting {
+  act: string;
   sent: number;
   done: (answer: Answer) => void;
+  timer: ReturnType<typeof setTimeout>;
 }
 
 const elsewhere = 4001;
 const firstDelay = 300;    // ms until the first new dial, doubled each time
 const longestDelay = 5000;
-const answerLimit = 5000;  // ms; a later answer is shown as news
+const answerLimit = 5000;  // ms; a later answer is told as news
+const stopLimit = 1000;    // ms until a stop counts as not arrived
+const mostLate = 64;       // acts whose late answer is still known
 const mostKept = 512;      // ms of answers, for their percentile
 
-async function post(path: string, body: object): Promise<Response> {
+async function post(path: string, body: object, longest?: number): Promise<Response> {
   return fetch(path, {
     method: 'POST', credentials: 'same-origin', headers: { 'Content-Type': 'application/json' },
     body: JSON.stringify(body), keepalive: true,
+    ...(longest ? { signal: AbortSignal.timeout(longest) } : {}),
   });
+}
+
+// As soon as one of them is true.
+function any(asked: Promise<boolean>[]): Promise<boolean> {
+  return Promise.any(asked.map(async one => await one || Promise.reject()))
+    .then(() => true, () => false);
 }
 
 export class Link {
@@ -36,10 +49,23 @@ export class Link {
   private delay = firstDelay;
   private nextId = 1;
   private readonly waiting = new Map<number, Waiting>();
+  private readonly late = new Map<number, { act: string; sent: number }>();
+  private again: ReturnType<typeof setTimeout> | undefined;
+  private starts = 0;
 
   constructor(private readonly events: LinkEvents) {}
 
+  watchAddress(): void {
+    addEventListener('hashchange', () => {
+      if (!new URLSearchParams(location.hash.slice(1)).has('code')) return;
+      this.change('starting', 'Connecting with the new link.');
+      void this.start();
+    });
+  }
+
   async start(): Promise<void> {
+    clearTimeout(this.again);
+    const mine = ++this.starts;  // a later start is in its place
     try {
       const code = new URLSearchParams(location.hash.slice(1)).get('code');
       if (code) {
@@ -49,6 +75,7 @@ export class Link {
         if (answer.ok) this.role = (await answer.json() as { role: string }).role;
       }
       const session = await fetch('/session', { credentials: 'same-origin' });
+      if (mine !== this.starts) return;
       if (!session.ok) {
         this.change('refused', 'This page has no session: its code is used up or wrong. '
           + 'Open the link that the box printed, or ask for a new one.');
@@ -57,37 +84,40 @@ export class Link {
       this.role = (await session.json() as { role: string }).role;
       this.dial();
     } catch {
-      this.later();
+      if (mine === this.starts) this.later();
     }
   }
 
-  dial(): void {
+  private dial(): void {
+    this.hangUp();
     const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
     const socket = new WebSocket(`${scheme}://${location.host}/ws`, 'teletact.1');
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
+      if (socket !== this.socket) return;
       this.delay = firstDelay;
       this.nextId = 1;
       this.change('open', '');
     };
     socket.onmessage = event => {
-      if (event.data instanceof ArrayBuffer) this.events.onView(event.data);
+      if (socket === this.socket && event.data instanceof ArrayBuffer) {
+        this.events.onView(event.data);
+      }
     };
     socket.onclose = event => this.closed(socket, event.code);
     this.socket = socket;
   }
 
   // Resolves with the box's answer; a lost socket or a silence is a refusal with that reason.
-  act(act: string, keys: object = {}): Promise<Answer> {
+  act(act: string, keys: object = {}, longest = answerLimit): Promise<Answer> {
     const id = this.nextId++;
     return new Promise(done => {
       if (!this.write({ id, act, ...keys })) {
         done({ id, ok: false, why: 'no connection to the box' });
         return;
       }
-      this.waiting.set(id, { sent: performance.now(), done });
-      setTimeout(() => this.settle({ id, ok: false, why: 'the box did not answer in 5 s' }),
-        answerLimit);
+      const timer = setTimeout(() => this.giveUp(id, longest), longest);
+      this.waiting.set(id, { act, sent: performance.now(), done, timer });
     });
   }
 
@@ -98,14 +128,11 @@ export class Link {
     return id;
   }
 
-  // Beside the WebSocket and its queue. Both ways are tried: one of them may be what is broken.
+  // By the WebSocket and beside it: one of them may be what is broken. True: the box has answered
+  // on one of them; false: on none, for a second.
   async stop(): Promise<boolean> {
-    this.write({ id: this.nextId++, act: 'stop' });
-    try {
-      return (await post('/stop', {})).ok;
-    } catch {
-      return false;
-    }
+    return any([this.act('stop', {}, stopLimit).then(answer => answer.ok),
+      post('/stop', {}, stopLimit).then(answer => answer.ok, () => false)]);
   }
 
   async viewLink(): Promise<string | null> {
@@ -114,15 +141,29 @@ export class Link {
     return `${location.origin}/#code=${(await answer.json() as { code: string }).code}`;
   }
 
-  // True: somebody waited for it.
+  // True: somebody waits for it, or has waited.
   settle(answer: Answer): boolean {
+    const late = this.late.get(answer.id);
+    if (late) {
+      this.late.delete(answer.id);
+      this.events.onLate(late.act, answer, (performance.now() - late.sent) / 1000);
+      return true;
+    }
     const waiting = this.waiting.get(answer.id);
     if (!waiting) return false;
     this.waiting.delete(answer.id);
+    clearTimeout(waiting.timer);
     this.answerTimes.push(performance.now() - waiting.sent);
     if (this.answerTimes.length > mostKept) this.answerTimes.shift();
     waiting.done(answer);
     return true;
+  }
+
+  private giveUp(id: number, after: number): void {
+    const { act, sent } = this.waiting.get(id)!;
+    this.settle({ id, ok: false, why: `the box did not answer in ${after / 1000} s` });
+    this.late.set(id, { act, sent });
+    if (this.late.size > mostLate) this.late.delete(this.late.keys().next().value!);
   }
 
   private write(message: object): boolean {
@@ -133,10 +174,7 @@ export class Link {
 
   private closed(socket: WebSocket, code: number): void {
     if (socket !== this.socket) return;
-    this.socket = null;
-    for (const id of [...this.waiting.keys()]) {
-      this.settle({ id, ok: false, why: 'the connection was lost before the answer' });
-    }
+    this.hangUp();
     if (code === elsewhere) {
       this.change('elsewhere', 'This session goes on in another window.');
       return;
@@ -144,9 +182,21 @@ export class Link {
     this.later();
   }
 
+  // Ids begin anew with the next connection: nothing of this one may settle one of that.
+  private hangUp(): void {
+    const old = this.socket;
+    this.socket = null;
+    old?.close();
+    this.late.clear();
+    for (const id of [...this.waiting.keys()]) {
+      this.settle({ id, ok: false, why: 'the connection was lost before the answer' });
+    }
+  }
+
   private later(): void {
     this.change('lost', 'No connection to the box. Trying again.');
-    setTimeout(() => void this.start(), this.delay);
+    clearTimeout(this.again);
+    this.again = setTimeout(() => void this.start(), this.delay);
     this.delay = Math.min(longestDelay, 2 * this.delay);
   }
 

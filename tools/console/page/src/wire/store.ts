@@ -1,7 +1,8 @@
 // What the page knows now: the newest of each view, and who wants to hear of a new one.
 import { BoxClock } from './box_clock';
 import {
-  readCostMap, readHead, readJson, readMesh, readMoving, readPicture, readPose, readSelection,
+  headBytes, readCostMap, readHead, readJson, readMesh, readMoving, readPicture, readPose,
+  readSelection,
 } from './decode';
 import {
   Answer, CostMap, Head, Kind, MeshDelta, Picture, Pose, Selection, Slow,
@@ -22,12 +23,19 @@ type Hear<T> = (value: T, head: Head) => void;
 
 const newestOnly = new Set<number>([Kind.text, Kind.pose, Kind.picture, Kind.costMap,
   Kind.moving]);
+const depthOnly = -1;  // a picture without colour, beside the kinds
+const colourKindAt = headBytes + 84;
+
+// A picture without colour does not overtake one with it: on a slow page there would be none.
+function placeOf(kind: number, bytes: ArrayBuffer): number {
+  if (kind !== Kind.picture || bytes.byteLength <= colourKindAt) return kind;
+  return new DataView(bytes).getUint8(colourKindAt) === 1 ? kind : depthOnly;
+}
 
 export class Store {
   slow: Slow = {};
   pose: Pose | null = null;
   picture: Picture | null = null;
-  pictureHead: Head | null = null;
   costMap: CostMap | null = null;
   moving: [number, number][] = [];
   selection: Selection | null = null;
@@ -35,6 +43,7 @@ export class Store {
   damaged = 0;   // views that could not be read
   messages = 0;
   readonly clock = new BoxClock();
+  private heads = new WeakSet<Head>();  // of this connection
   private readonly waiting = new Map<number, { head: Head; bytes: ArrayBuffer }>();
   private readonly hearers: { [K in keyof Topics]?: Hear<Topics[K]>[] } = {};
 
@@ -52,8 +61,14 @@ export class Store {
     this.guarded(() => {
       const head = readHead(bytes);
       head.made = this.clock.madeAfter(head.time, this.now(), this.slow.clock !== 'real');
-      if (newestOnly.has(head.kind)) this.waiting.set(head.kind, { head, bytes });
-      else this.dispatch(head, bytes);
+      this.heads.add(head);
+      if (!newestOnly.has(head.kind)) {
+        this.dispatch(head, bytes);
+        return;
+      }
+      const place = placeOf(head.kind, bytes);
+      if (place === Kind.picture) this.waiting.delete(depthOnly);
+      this.waiting.set(place, { head, bytes });
     });
   }
 
@@ -66,14 +81,13 @@ export class Store {
   // A new connection may be to a box that was started again: its clock begins anew.
   reconnected(): void {
     this.clock.forget();
-    this.pictureHead = null;
+    this.heads = new WeakSet();
   }
 
-  // Seconds since the picture was exposed, at most: how old it was for the box when it was sent,
-  // and what has passed since then. Infinite where that is not known.
-  pictureAge(): number {
-    const head = this.pictureHead;
-    if (!head || head.data < 0) return Infinity;
+  // Seconds since a picture was exposed, at most: how old it was for the box when it was sent, and
+  // what has passed since then. Infinite where that is not known.
+  age(head: Head | null): number {
+    if (!head || head.data < 0 || !this.heads.has(head)) return Infinity;
     return Math.max(0, head.time - head.data) + this.behind(head);
   }
 
@@ -106,7 +120,6 @@ export class Store {
         break;
       case Kind.picture:
         this.picture = readPicture(bytes);
-        this.pictureHead = head;
         this.say('picture', this.picture, head);
         break;
       case Kind.costMap:

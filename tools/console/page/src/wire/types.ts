@@ -7,6 +7,9 @@ export const Kind = {
   text: 1, pose: 2, mesh: 3, picture: 4, costMap: 5, moving: 6, answer: 7, selection: 8,
 } as const;
 
+// What must be held (act/held.ts).
+export type Hold = 'engage' | 'hand' | 'drive';
+
 export interface Head {
   kind: number;
   flags: number;
@@ -143,6 +146,7 @@ export interface Slow {
   robot_mode?: string;
   phase?: string;
   held?: string;
+  lost?: Hold[];           // ended though nobody let them go
   drive_warning?: string;  // driven by hand: the keep-out that the base goes into
   goal?: { off_m?: number; short?: boolean; text?: string };
   link?: {
