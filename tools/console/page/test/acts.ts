@@ -42,14 +42,18 @@ test('three clicked points of a box at a random place', async () => {
 test('a touch goes on while the pointer rests', async () => {
   const { mouse } = desk.page;
   await desk.tool('Touch');
-  await mouse.move(...await desk.screen([1, -0.2, 0]));
-  await mouse.down();
-  await until('the touch', () => plant.hand?.press === true);
-  const said = twin.count('hand');
-  await desk.page.waitForTimeout(600);  // three lives of a token
-  assert.equal(twin.count('hand'), said, 'nothing is said by a pointer that rests');
-  assert.ok(plant.hand?.press);
-  await mouse.up();
+  // A machine too busy to send a token within 200 ms lets go, rightly: pressed again.
+  await until('a touch that rests', async () => {
+    await mouse.move(...await desk.screen([1, -0.2, 0]));
+    await mouse.down();
+    await until('the touch', () => plant.hand?.press === true || plant.lost.includes('hand'));
+    const said = twin.count('hand');
+    await desk.page.waitForTimeout(600);  // three lives of a token
+    assert.equal(twin.count('hand'), said, 'nothing is said by a pointer that rests');
+    const rests = plant.hand?.press === true;
+    await mouse.up();
+    return rests;
+  });
   await until('the end', () => plant.hand === null);
 });
 

@@ -87,6 +87,8 @@ test('an engagement that has lapsed on the box is no pressed button, and one pre
     await until('the end', () => plant.mode === 'hold');
     await until('the button', async () => await engagePressed() === 'false');
     await desk.engage();
+    await until('the mode on the page', async () =>
+      (await page.textContent('#chips'))!.includes('engaged'));
     // Before the page can know of it.
     twin.tellsLost = false;
     plant.lose(['engage']);
