@@ -78,6 +78,14 @@ class DeskActs {
   // Of the haptic device, now: scene metres per hand metre.
   [[nodiscard]] double device_scale() const;
   [[nodiscard]] bool driving() const noexcept { return driving_; }
+  // Holds that have ended though nobody let them go: the page learns of it, for its line was late.
+  [[nodiscard]] std::vector<std::string> lost_holds() const {
+    std::vector<std::string> lost;
+    if (engage_hold_.lost()) lost.emplace_back("engage");
+    if (touching_.hold.lost()) lost.emplace_back("hand");
+    if (drive_hold_.lost()) lost.emplace_back("drive");
+    return lost;
+  }
   // Driven by hand the base goes into a keep-out, or is about to; empty: it does not.
   [[nodiscard]] const std::string& drive_warning() const noexcept { return keep_out_.text(); }
   struct FirstSteps {

@@ -221,6 +221,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
   }
   if (const std::string& warning = acts.drive_warning(); !warning.empty())
     t["drive_warning"] = warning;
+  t["lost"] = acts.lost_holds();
   t["marked"] = nullptr;
   if (pursues(seen.task.phase) && !seen.paths.empty() && seen.paths.back().size > 0)
     t["marked"] = vec(seen.paths.back().marked_W);

@@ -35,6 +35,35 @@ std::string told(const Person& p, const std::string& kind) {
   return all;
 }
 
+// A line that is late: the page goes on saying that it holds, and learns that it does not.
+TEST(DeskRun, AHoldThatLapsedIsToldUntilItIsLetGo) {
+  auto s = desk_run::scene();
+  Person p;
+  p.viewers = 1;
+  json held, lapsed, said_again, let_go;
+  p.act = [&](double t) {
+    if (p.once("press", t, 1.0)) p.holds = json::array({"hand"});
+    if (p.once("held", t, 2.0)) {
+      held = json::parse(p.text)["lost"];
+      p.holds = nullptr;
+    }
+    if (p.once("lapsed", t, 2.8)) {
+      lapsed = json::parse(p.text)["lost"];
+      p.holds = json::array({"hand"});
+    }
+    if (p.once("again", t, 3.4)) {
+      said_again = json::parse(p.text)["lost"];
+      p.holds = json::array();
+    }
+  };
+  desk_run::run(*s, 4, p);
+  let_go = json::parse(p.text)["lost"];
+  EXPECT_EQ(held, json::array());
+  EXPECT_EQ(lapsed, json::array({"hand"}));
+  EXPECT_EQ(said_again, json::array({"hand"}));
+  EXPECT_EQ(let_go, json::array());
+}
+
 // The page says where the hand is when it is moved; a pointer that rests on the floor touches on.
 TEST(DeskRun, ATouchGoesOnWhileThePointerRestsAndATapIsNotRefused) {
   constexpr double kX = 1.85, kY = -0.38;
