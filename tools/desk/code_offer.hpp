@@ -1,5 +1,5 @@
-// When the console's address is to be printed again, with a new code: the operator's browser has been
-// closed, and its session with it, or nobody has come before the code ended. Pure.
+// When the console's address is to be printed again, with a new code: the operator's browser has
+// been closed, and its session with it, or nobody has come before the code ended. Pure.
 #pragma once
 
 #include <chrono>
