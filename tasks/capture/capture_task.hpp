@@ -20,9 +20,9 @@
 
 #include "config/schema.hpp"
 #include "drivers/link/frame_codec.hpp"
+#include "rt/clock/tick.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/clock/tick.hpp"
 
 namespace tasks {
 

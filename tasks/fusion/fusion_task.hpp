@@ -37,10 +37,10 @@
 #include <optional>
 
 #include "perception/map_file/map_file.hpp"
+#include "rt/clock/tick.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"
-#include "rt/clock/tick.hpp"
 #include "tasks/fusion/camera_search.hpp"
 #include "tasks/fusion/camera_tracking.hpp"
 #include "tasks/fusion/fusion_body.hpp"

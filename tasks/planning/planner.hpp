@@ -27,8 +27,8 @@
 
 #include "config/schema.hpp"
 #include "perception/ground/cost_map.hpp"
-#include "rt/memory/non_realtime.hpp"
 #include "rt/clock/tick.hpp"
+#include "rt/memory/non_realtime.hpp"
 
 namespace tasks {
 

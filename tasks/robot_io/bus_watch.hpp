@@ -20,8 +20,8 @@
 #include <array>
 
 #include "drivers/youbot/motor_bus.hpp"
-#include "rt/health.hpp"
 #include "rt/clock/tick.hpp"
+#include "rt/health.hpp"
 
 namespace tasks {
 

@@ -11,8 +11,8 @@
 #pragma once
 
 #include "drivers/gpio/safety_io.hpp"
-#include "rt/health.hpp"
 #include "rt/clock/tick.hpp"
+#include "rt/health.hpp"
 #include "tasks/contract/messages.hpp"
 
 namespace tasks {

@@ -24,10 +24,10 @@
 #include <cstdint>
 
 #include "config/schema.hpp"
+#include "rt/clock/tick.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/sched/mode_gate.hpp"
-#include "rt/clock/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/table.hpp"
 #include "tasks/supervision/fault_ids.hpp"

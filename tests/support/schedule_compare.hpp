@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "rt/sched/job_record.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/random.hpp"
 #include "rt/sched/executor.hpp"
+#include "rt/sched/job_record.hpp"
 #include "tests/support/reference_sim.hpp"
 
 namespace support {

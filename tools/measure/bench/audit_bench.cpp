@@ -4,10 +4,10 @@
 #include <memory>
 
 #include "rt/audit/histogram.hpp"
-#include "rt/sched/job_record.hpp"
 #include "rt/channel/ring.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/quantile.hpp"
+#include "rt/sched/job_record.hpp"
 #include "rt/sched/thread_probe.hpp"
 #include "tools/measure/bench/other_load.hpp"
 
