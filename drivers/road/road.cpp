@@ -111,8 +111,8 @@ void Road::Impl::drop_revoked() {
   drop_revoked_arrivals();
   const auto revoked = [&](const Shared& c) { return c && trust->revoked(c->peer().serial); };
   if (!revoked(control) && !revoked(bulk)) return;
-  const RoadPeer& peer = revoked(control) ? control->peer() : bulk->peer();
-  const std::string why = "the certificate of '" + peer.name + "' is revoked";
+  const auto& who = *(revoked(control) ? control : bulk);
+  const std::string why = "the certificate of '" + who.peer().name + "' is revoked";
   constexpr auto kForgotten = RoadDoor::End::kForgotten;
   if (up) {
     ++counts.revoked_live;
@@ -120,7 +120,7 @@ void Road::Impl::drop_revoked() {
   }
   if (!options.listen) return dial_failed(why);
   ++counts.refused;
-  last_refusal = control->address() + ": " + why;
+  last_refusal = who.address() + ": " + why;
   drop_connections(false, kForgotten);
 }
 
