@@ -158,7 +158,9 @@ TEST(LastingLink, ASilentSessionEndsAndTheNextOneIsFound) {
   const std::uint64_t n = robot.link->sessions();
   op.link->cut();
   ASSERT_TRUE(wait_for([&] { return !robot.ready() && !op.ready(); }));
-  EXPECT_THAT(robot.link->fault(), HasSubstr("nothing was heard"));
+  // The first end whose two seconds are over closes its socket. The other may hear that before its
+  // own two seconds are over, and then it has nothing to say.
+  EXPECT_THAT(robot.link->fault() + op.link->fault(), HasSubstr("nothing was heard"));
   op.link->mend();
   ASSERT_TRUE(wait_for([&] { return robot.ready() && op.ready(); }));
   EXPECT_GT(robot.link->sessions(), n);
