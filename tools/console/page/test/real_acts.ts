@@ -1,0 +1,135 @@
+// Seeing, touching, marking, choosing and placing things, with the pointer.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { Vec3 } from '../src/wire/types';
+import { distanceToSurface, fromBody } from '../twin/world';
+import { seed } from './browser';
+import {
+  bodies, desk, distanceTo, drivesTo, page, pose, pressing, proposal, sent, slow, until, wholeMesh,
+} from './real_box';
+import { nextClick, overlap, truthOf } from './real_scene';
+
+const clickError = 0.03;    // m
+const arrival = 0.1;        // m
+const restingTouch = 1000;  // ms at least
+const robotRadius = 0.19;   // m: half of its width
+const leastOverlap = 0.8;   // of a proposed mask and the truth
+const mostClicks = 3;
+
+const scene = async () => (await page.textContent('#pane-scene'))!;
+const row = (name: string) => page.textContent(`#pane-scene .row:has-text("${name}")`);
+const body = (name: string) => bodies.find(b => b.name === name)!;
+
+test('the border of the picture says that it is live', async () => {
+  await until('a live picture', () => page.evaluate(() => {
+    const inset = document.getElementById('inset')!;
+    return inset.classList.contains('fresh') && inset.textContent!.includes('Live');
+  }));
+});
+
+test('three clicked points of a box at a random place', async () => {
+  const box = body('pedestal');
+  const [x, y, z] = box.half;
+  await wholeMesh();
+  await desk.tool('Touch');
+  for (const p of [[0, 0, z], [0.5 * x, -0.5 * y, z], [-0.5 * x, 0.4 * y, z]] as Vec3[]) {
+    const aimed = fromBody(box, p);
+    const before = (await sent('hand')).length;
+    await desk.click(aimed);
+    await until('press and release', async () => (await sent('hand')).length >= before + 2);
+    const touched = (await sent('hand')).pop()!.p as Vec3;
+    const off = Math.hypot(...touched.map((v, k) => v - aimed[k]!));
+    assert.ok(distanceToSurface(bodies, touched) < clickError && off < clickError,
+      `seed ${seed}: ${touched.join()} for ${aimed.join()}`);
+  }
+});
+
+test('a pointer that rests on the floor touches it', async () => {
+  const ticked = () => page.evaluate(() =>
+    document.querySelector('#steps li')!.classList.contains('done'));
+  assert.equal(await ticked(), false);
+  await pressing('the touch', await desk.screen([1, 0.9, 0]), restingTouch, ticked);
+});
+
+// The proposal after the next click, which `run` makes.
+async function proposed(run: () => Promise<void>): Promise<Awaited<ReturnType<typeof proposal>>> {
+  const before = (await sent('select')).length;
+  await run();
+  const clicks = before + 1;
+  await until('a proposal', async () => (await sent('select')).length === clicks
+    && / m$/.test((await page.textContent('#options [role=status]')) ?? '')
+    && (await proposal()).selection.proposal !== shownBefore);
+  const shown = await proposal();
+  shownBefore = shown.selection.proposal;
+  return shown;
+}
+let shownBefore = -1;
+
+test('the bin by clicks: shown, corrected by a click at the largest error, accepted', async () => {
+  const bin = body('bin');
+  await desk.tool('Object');
+  await desk.live();
+  let { selection, picture } = await proposed(async () =>
+    desk.click(fromBody(bin, [-bin.half[0], 0, 0.05])));
+  const shares = [];
+  for (;;) {
+    const truth = truthOf(selection, picture, bodies, bin);
+    const share = overlap(selection.mask, truth);
+    shares.push(share.toFixed(3));
+    if (share >= leastOverlap || shares.length === mostClicks) break;
+    const next = nextClick(selection, truth);
+    const canvas = (await page.locator('#picture').boundingBox())!;
+    await page.click(`#options button:has-text("${next.adds ? 'add' : 'take away'}")`);
+    ({ selection, picture } = await proposed(async () => page.mouse.click(
+      canvas.x + next.u * canvas.width, canvas.y + next.v * canvas.height)));
+  }
+  console.log(`the bin, common with the truth after each click: ${shares.join(', ')}`);
+  assert.ok(Number(shares.pop()) >= leastOverlap, `seed ${seed}`);
+  await desk.shot('real_object');
+  await page.fill('#options input', 'bin');
+  await page.click('#options button:has-text("Accept")');
+  await until('the object', async () =>
+    ((await slow()).objects ?? []).some(o => o.name === 'bin'));
+});
+
+test('a mark is drawn, and undone it is none', async () => {
+  await desk.tool('Mark');
+  await desk.drag([[1.2, 0.9, 0], [1.25, 0.9, 0], [1.3, 0.85, 0]]);
+  await until('the mark', async () => (await scene()).includes('Mark 1'));
+  await until('its goal', async () => !(await row('Goal'))!.includes('not known'));
+  await page.click('#commands button:has-text("Undo")');
+  await until('no mark', async () => !(await scene()).includes('Mark 1'));
+  await until('no goal', async () => (await row('Goal'))!.includes('not known'));
+});
+
+test('a mark by the pointer: the robot arrives', async () => {
+  await desk.drag([[0.65, 0.05, 0], [0.7, 0.1, 0], [0.75, 0.15, 0]]);
+  await until('the goal', async () => Math.abs((await pose()).goal[0] - 0.7) < 0.1);
+  const { goal } = await pose();
+  await drivesTo(goal);
+  const off = await distanceTo([0.7, 0.1]);
+  console.log(`arrived ${off.toFixed(3)} m from the middle of the mark`);
+  assert.ok(off < arrival, `${off} m off`);
+  await page.click('#pane-scene .row:has-text("Mark") button:has-text("Delete")');
+  await until('no mark', async () => !/Mark \d/.test(await scene()));
+});
+
+test('a keep-out on the way: the robot goes round it', async () => {
+  await desk.tool('Keep-out');
+  await desk.drag([[1.3, 0.1, 0], [1.45, 0.1, 0]]);
+  await until('the keep-out', async () => ((await slow()).obstacles ?? []).length === 1);
+  const disc = (await slow()).obstacles![0]!;
+  assert.ok(Math.abs(disc.half[0] - 0.15) < 0.03, `radius ${disc.half[0]}`);
+  await desk.tool('Go to');
+  await desk.click([1.9, 0.1, 0]);
+  await until('the goal', async () => Math.abs((await pose()).goal[0] - 1.9) < 0.05);
+  const nearest = await drivesTo([1.9, 0.1], disc.centre);
+  const off = await distanceTo([1.9, 0.1]);
+  console.log(`passed at ${nearest.toFixed(3)} m, arrived ${off.toFixed(3)} m off`);
+  assert.ok(off < arrival, `${off} m off`);
+  assert.ok(nearest > disc.half[0] + robotRadius, `passed at ${nearest} m`);
+  await desk.shot('real_keep_out');
+  await page.click('#pane-scene .row:has-text("Keep-out") button:has-text("Delete")');
+  await until('none', async () => ((await slow()).obstacles ?? []).length === 0);
+  await page.click('#options button:has-text("Drop goal")').catch(() => {});
+});

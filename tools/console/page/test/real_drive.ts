@@ -1,0 +1,83 @@
+// Driving by hand: by the pad and by keys, and all that ends it.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { desk, page, pose, pressing, slow, standsStill, toasts, until } from './real_box';
+
+const driven = 0.15;  // m
+const frozenFor = 600;  // ms that the browser stands still: three lives of a token
+
+async function way(from: number[]): Promise<number> {
+  const { robot } = await pose();
+  return Math.hypot(robot[0] - from[0]!, robot[1] - from[1]!);
+}
+
+// Backwards, into free floor, with the key down when it returns and the base on its way.
+async function keyDown(): Promise<void> {
+  const { keyboard } = page;
+  await until('the base to drive', async () => {
+    await keyboard.up('s');
+    await desk.live();
+    await desk.engage();
+    await page.focus('#canvas');
+    await keyboard.down('s');
+    const end = Date.now() + 3000;
+    while (Date.now() < end) {
+      if ((await pose()).velocity[0] < -0.1) return true;
+      await page.waitForTimeout(50);
+    }
+    return false;
+  });
+}
+
+// It stands, and goes on standing while the key is still down.
+async function staysHeld(why: RegExp): Promise<void> {
+  await until('the word', async () => why.test(await toasts()));
+  await standsStill();
+  const { robot } = await pose();
+  await page.keyboard.down('s');  // repeats, as a key that is held does
+  await page.waitForTimeout(700);
+  assert.ok(await way(robot) < 0.02, 'a key that was down before drives');
+  await page.keyboard.up('s');
+}
+
+test('the base drives by the pad, and stands when it is let go', async () => {
+  const from = (await pose()).robot;
+  const pad = (await page.locator('#pad button[aria-label^="Drive backwards"]').boundingBox())!;
+  await pressing('driving', [pad.x + pad.width / 2, pad.y + pad.height / 2], 0,
+    async () => await way(from) > driven, async () => {
+      await desk.live();
+      await desk.engage();
+    });
+  await standsStill();
+});
+
+test('a key drives, and let go the base stands', async () => {
+  await keyDown();
+  await page.keyboard.up('s');
+  await standsStill();
+});
+
+test('a window that loses the focus ends it', async () => {
+  await keyDown();
+  await page.evaluate(() => dispatchEvent(new Event('blur')));
+  await staysHeld(/lost the focus/);
+});
+
+test('a browser that stands still ends it, on the box as well', async () => {
+  await keyDown();
+  await page.evaluate(ms => {
+    const end = performance.now() + ms;
+    while (performance.now() < end);
+  }, frozenFor);
+  await staysHeld(/stood still|let go|Let go/);
+  await until('an event of the box', async () =>
+    ((await slow()).events ?? []).some(e => /no longer held by the page/.test(e.text)));
+});
+
+test('Space stops', async () => {
+  await keyDown();
+  await page.keyboard.press('Space');
+  await until('the stop', async () => (await page.textContent('#chips'))!.includes('Hold'));
+  await page.keyboard.up('s');
+  await standsStill();
+});

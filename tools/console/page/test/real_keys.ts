@@ -1,0 +1,128 @@
+// The acts by the keyboard alone: no pointer from here on.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { desk, page, pose, sent, slow, standsStill, until } from './real_box';
+
+const { keyboard } = page;
+
+async function press(key: string, times = 1): Promise<void> {
+  for (let i = 0; i < times; ++i) await keyboard.press(key);
+}
+
+// To the control whose text it is, by Tab.
+async function tabTo(text: string): Promise<void> {
+  for (let i = 0; i < 120; ++i) {
+    await keyboard.press('Tab');
+    if (await page.evaluate(t => document.activeElement?.textContent === t, text)) return;
+  }
+  throw new Error(`no way by Tab to: ${text}`);
+}
+
+async function answered(act: string, key: string, run: () => Promise<void>): Promise<void> {
+  const before = (await sent(act)).length;
+  await press(key);
+  await run();
+  await until(act, async () => (await sent(act)).length > before);
+}
+
+test('a keep-out by keys, chosen in the list, deleted, taken back', async () => {
+  await page.focus('#canvas');
+  await keyboard.press('Escape');
+  await answered('draw', '5', async () => {
+    await press('ArrowDown', 8);
+    await keyboard.down('Enter');
+    await press('ArrowRight', 6);
+    await keyboard.up('Enter');
+  });
+  const keepOuts = async () => ((await slow()).obstacles ?? []).length;
+  await until('it', async () => await keepOuts() === 1);
+  await page.locator('.row:has-text("Keep-out")').waitFor();
+  await page.focus('.row:has-text("Keep-out") button:has-text("Look at")');
+  await press('Enter');
+  await press('Delete');
+  await until('none', async () => await keepOuts() === 0);
+  await press('Escape');
+  await press('z');
+  await until('it again', async () => await keepOuts() === 1);
+  await press('z');
+  await until('none', async () => await keepOuts() === 0);
+});
+
+test('a touch by keys', async () => {
+  await press('Escape');
+  await press('2');
+  await press('ArrowDown', 4);
+  await until('the hand on a surface', async () => {
+    await keyboard.down('Enter');
+    const end = Date.now() + 6000;
+    let contact = false;
+    while (!contact && Date.now() < end) {
+      await page.waitForTimeout(50);
+      contact = (await pose()).contact;
+    }
+    await keyboard.up('Enter');
+    return contact;
+  });
+});
+
+test('a mark by keys, and the way to it', async () => {
+  await answered('mark', '3', async () => {
+    await keyboard.down('Enter');
+    await press('ArrowRight', 4);
+    await keyboard.up('Enter');
+  });
+  assert.ok(((await sent('mark')).pop()!.points as unknown[]).length > 1);
+  await until('its goal', async () => ((await slow()).marks ?? []).length === 1);
+  await press('z');
+  await until('none', async () => ((await slow()).marks ?? []).length === 0);
+});
+
+test('an object by keys in the picture', async () => {
+  await page.focus('#picture');
+  await press('Enter');
+  await until('a proposal', async () => !await page.isDisabled(
+    '#options button:has-text("Accept")', { timeout: 60000 }));
+  const before = ((await slow()).objects ?? []).length;
+  await press('y');
+  await until('the object', async () => ((await slow()).objects ?? []).length === before + 1);
+  await press('Escape');
+  await press('z');
+  await until('none', async () => ((await slow()).objects ?? []).length === before);
+});
+
+test('a region is forgotten by keys, after a yes', async () => {
+  await press('Escape');
+  await press('7');
+  await keyboard.down('Enter');
+  await press('ArrowRight', 4);
+  await press('ArrowUp', 4);
+  await keyboard.up('Enter');
+  const before = (await sent('forget')).length;
+  await tabTo('Forget what is in the box');
+  await press('Enter');
+  await until('the forgetting', async () => (await sent('forget')).length === before + 1);
+  await until('the word', async () =>
+    ((await slow()).events ?? []).some(e => /forg/i.test(e.text)));
+});
+
+test('to a place by keys: engaged, driven there, held', async () => {
+  await press('Escape');
+  await answered('go_to', '6', async () => {
+    await press('ArrowUp', 2);
+    await press('Enter');
+  });
+  const { x, y } = (await sent('go_to')).pop()! as unknown as { x: number; y: number };
+  await until('the goal', async () => Math.abs((await pose()).goal[0] - x) < 0.05);
+  const from = (await pose()).robot;
+  const whole = Math.hypot(from[0] - x, from[1] - y);
+  await until('the way', async () => {
+    if (!(await page.textContent('#chips'))!.includes('engaged')) await press('g');
+    await page.waitForTimeout(300);
+    const { robot } = await pose();
+    return Math.hypot(robot[0] - x, robot[1] - y) < Math.max(0.1, 0.5 * whole);
+  }, 120000);
+  await press('h');
+  await until('the hold', async () => (await page.textContent('#chips'))!.includes('Hold'));
+  await standsStill();
+  assert.deepEqual(desk.errors, []);
+});
