@@ -5,7 +5,8 @@ import { Vec3 } from '../src/wire/types';
 import { distanceToSurface, fromBody } from '../twin/world';
 import { seed } from './browser';
 import {
-  bodies, desk, distanceTo, drivesTo, page, pose, pressing, proposal, sent, slow, until, wholeMesh,
+  bodies, desk, distanceTo, drivesTo, newestPicture, page, pose, pressing,
+  proposal, sent, slow, until, wholeMesh,
 } from './real_box';
 import { nextClick, overlap, truthOf } from './real_scene';
 
@@ -15,6 +16,7 @@ const restingTouch = 1000;  // ms at least
 const robotRadius = 0.19;   // m: half of its width
 const leastOverlap = 0.8;   // of a proposed mask and the truth
 const mostClicks = 3;
+const keyStep = 0.025;      // of the picture, an arrow key
 
 const scene = async () => (await page.textContent('#pane-scene'))!;
 const row = (name: string) => page.textContent(`#pane-scene .row:has-text("${name}")`);
@@ -90,6 +92,31 @@ test('the bin by clicks: shown, corrected by a click at the largest error, accep
   await page.click('#options button:has-text("Accept")');
   await until('the object', async () =>
     ((await slow()).objects ?? []).some(o => o.name === 'bin'));
+});
+
+test('another object by keys alone, in the picture; and taken back', async () => {
+  const { keyboard } = page;
+  const seen = await newestPicture();
+  const none = new Uint8Array(seen.width * seen.height);
+  const blank = { width: seen.width, height: seen.height, proposal: 0, mask: none };
+  const at = nextClick(blank, truthOf(blank, seen, bodies, body('table')));
+  await page.focus('#canvas');
+  await keyboard.press('Escape');
+  await page.focus('#picture');
+  const go = async (steps: number, back: string, forth: string) => {
+    for (let i = 0; i < Math.abs(Math.round(steps)); ++i) {
+      await keyboard.press(steps < 0 ? back : forth);
+    }
+  };
+  await go((at.u - 0.5) / keyStep, 'ArrowLeft', 'ArrowRight');
+  await go((at.v - 0.5) / keyStep, 'ArrowUp', 'ArrowDown');
+  await proposed(async () => keyboard.press('Enter'));
+  await keyboard.press('y');
+  const objects = async () => ((await slow()).objects ?? []).length;
+  await until('the object', async () => await objects() === 2);
+  await keyboard.press('Escape');
+  await keyboard.press('z');
+  await until('the bin alone', async () => await objects() === 1);
 });
 
 test('a mark is drawn, and undone it is none', async () => {

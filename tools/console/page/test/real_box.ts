@@ -127,6 +127,8 @@ function newest(kind: number): Promise<ArrayBuffer> {
 export const pose = async (): Promise<Pose> => readPose(await newest(Kind.pose));
 export const slow = async (): Promise<Slow> => readJson<Slow>(await newest(Kind.text));
 
+export const newestPicture = async (): Promise<Picture> => readPicture(await newest(Kind.picture));
+
 export async function sent(act: string): Promise<Act[]> {
   const all = await page.evaluate(() => window.acts);
   return all.map(text => JSON.parse(text) as Act).filter(a => a.act === act);

@@ -77,19 +77,6 @@ test('a mark by keys, and the way to it', async () => {
   await until('none', async () => ((await slow()).marks ?? []).length === 0);
 });
 
-test('an object by keys in the picture', async () => {
-  await page.focus('#picture');
-  await press('Enter');
-  await until('a proposal', async () => !await page.isDisabled(
-    '#options button:has-text("Accept")', { timeout: 60000 }));
-  const before = ((await slow()).objects ?? []).length;
-  await press('y');
-  await until('the object', async () => ((await slow()).objects ?? []).length === before + 1);
-  await press('Escape');
-  await press('z');
-  await until('none', async () => ((await slow()).objects ?? []).length === before);
-});
-
 test('a region is forgotten by keys, after a yes', async () => {
   await press('Escape');
   await press('7');
