@@ -19,19 +19,24 @@ export function freshness(age: number): Freshness {
   return age < lateAfter ? 'fresh' : age < frozenAfter ? 'late' : 'frozen';
 }
 
-// Near is bright; black: nothing was measured.
+// Opaque grey of a depth in mm. Near is bright; black: nothing was measured.
+function greyOfDepth(mm: number): number {
+  const v = mm === 0 ? 0 : Math.floor(255 - 215 * (Math.min(far, Math.max(near, mm)) - near)
+    / (far - near));
+  return 0xff000000 + 0x10101 * v;
+}
+
+let greys: Uint32Array | null = null;  // of each depth: a picture is a look-up a pixel
+
 export function greyOf(depth: Uint16Array): Uint8ClampedArray<ArrayBuffer> {
-  const rgba = new Uint8ClampedArray(4 * depth.length);
-  depth.forEach((mm, i) => {
-    const v = mm === 0 ? 0
-      : 255 - 215 * (Math.min(far, Math.max(near, mm)) - near) / (far - near);
-    rgba.fill(v, 4 * i, 4 * i + 3);
-    rgba[4 * i + 3] = 255;
-  });
-  return rgba;
+  greys ??= Uint32Array.from({ length: 65536 }, (_, mm) => greyOfDepth(mm));
+  const rgba = new Uint32Array(depth.length);
+  for (let i = 0; i < depth.length; ++i) rgba[i] = greys[depth[i]!]!;
+  return new Uint8ClampedArray(rgba.buffer);
 }
 
 interface Shown { image: ImageBitmap | HTMLCanvasElement; head: Head }
+interface Depth { picture: Picture; head: Head }
 
 export class Inset {
   state: Freshness = 'frozen';
@@ -40,6 +45,7 @@ export class Inset {
   private readonly word = h('strong');
   private shown: Shown | null = null;
   private waiting: Shown | null = null;  // newer, and not drawn yet
+  private depth: Depth | null = null;    // newer than both, to be drawn as grey
   private grey: HTMLCanvasElement | null = null;
   private colourCame = -Infinity;        // s of this page's clock
   private overlay: HTMLCanvasElement | null = null;
@@ -59,22 +65,20 @@ export class Inset {
   }
 
   // Not kept beyond the next one: the layer in the scene closes it.
-  show(bitmap: ImageBitmap, head: Head): void { this.waiting = { image: bitmap, head }; }
+  show(bitmap: ImageBitmap, head: Head): void {
+    this.waiting = { image: bitmap, head };
+    this.depth = null;
+  }
 
   // Of each picture that comes: one with colour is shown when it is decoded.
   take(picture: Picture, head: Head): void {
     const now = performance.now() / 1000;
     if (picture.jpeg) this.colourCame = now;
     if (now - this.colourCame <= frozenAfter || picture.depth.length === 0) return;
-    const grey = this.grey ??= document.createElement('canvas');
-    grey.width = picture.width;
-    grey.height = picture.height;
-    grey.getContext('2d')!.putImageData(
-      new ImageData(greyOf(picture.depth), picture.width, picture.height), 0, 0);
-    this.waiting = { image: grey, head };
+    this.depth = { picture, head };
   }
 
-  drawNew(): void { if (this.waiting) this.draw(); }
+  drawNew(): void { if (this.waiting || this.depth) this.draw(); }
 
   propose(): void {
     const proposal = this.selecting.proposal;
@@ -136,7 +140,19 @@ export class Inset {
     this.draw();
   }
 
+  // Only of what is drawn: more may come than a slow machine draws.
+  private drawDepth({ picture, head }: Depth): void {
+    const grey = this.grey ??= document.createElement('canvas');
+    grey.width = picture.width;
+    grey.height = picture.height;
+    grey.getContext('2d')!.putImageData(
+      new ImageData(greyOf(picture.depth), picture.width, picture.height), 0, 0);
+    this.waiting = { image: grey, head };
+  }
+
   private draw(): void {
+    if (this.depth) this.drawDepth(this.depth);
+    this.depth = null;
     // A bitmap that was closed meanwhile has no width: what is drawn stays, with its age.
     if (this.waiting && this.waiting.image.width > 0) this.shown = this.waiting;
     this.waiting = null;
