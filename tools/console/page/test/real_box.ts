@@ -183,9 +183,13 @@ export async function distanceTo(p: number[]): Promise<number> {
   return Math.hypot(robot[0] - p[0]!, robot[1] - p[1]!);
 }
 
-// Engaged all the way, until the robot stands at `goal`. The smallest distance from `beside`.
-export async function drivesTo(goal: number[], beside = goal): Promise<number> {
+// Sets a goal by `ask` and stays engaged until the robot stands at it. Where a busy machine lets
+// the engagement go, the goal is dropped with it, rightly: then it is asked for again. The
+// smallest distance from `beside`.
+export async function drivesTo(goal: number[], ask: () => Promise<void>,
+  beside = goal): Promise<number> {
   let nearest = Infinity;
+  let asked = -Infinity;
   await until('the arrival', async () => {
     nearest = Math.min(nearest, await distanceTo(beside));
     const { phase, path } = await slow();
@@ -195,6 +199,10 @@ export async function drivesTo(goal: number[], beside = goal): Promise<number> {
     if (ours && phase === 'arrived') return true;
     if (ours && phase === 'failed') throw new Error('the way was given up');
     await desk.engage();
+    if (!ours && Date.now() - asked > 3000) {
+      await ask();
+      asked = Date.now();
+    }
     await page.waitForTimeout(50);
     return false;
   }, patient);

@@ -33,10 +33,14 @@ async function keyDown(): Promise<void> {
 async function staysHeld(why: RegExp): Promise<void> {
   await until('the word', async () => why.test(await toasts()));
   await standsStill();
-  const { robot } = await pose();
+  const presses = async () =>
+    ((await slow()).events ?? []).filter(e => /driven by hand/.test(e.text)).map(e => e.t).join();
+  const [before, { robot }] = [await presses(), await pose()];
   await page.keyboard.down('s');  // repeats, as a key that is held does
   await page.waitForTimeout(700);
-  assert.ok(await way(robot) < 0.02, 'a key that was down before drives');
+  const moved = await way(robot);
+  assert.equal(await presses(), before, 'a key that was down before drives');
+  assert.ok(moved < 0.05, `it goes on by ${moved} m`);
   await page.keyboard.up('s');
 }
 
