@@ -209,10 +209,14 @@ export async function drivesTo(goal: number[], ask: () => Promise<void>,
   return nearest;
 }
 
+// For half a second: after a freeze of the page the newest pose that it has read may be an old one.
 export async function standsStill(): Promise<void> {
+  let still = 0;
   await until('the base to stand', async () => {
     const { velocity } = await pose();
-    return Math.hypot(...velocity) < 0.01;
+    still = Math.hypot(...velocity) < 0.01 ? still + 1 : 0;
+    await page.waitForTimeout(50);
+    return still > 6;
   });
 }
 

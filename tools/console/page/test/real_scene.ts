@@ -9,7 +9,7 @@ export function realBodies(seed: number): Body[] {
   const random = randomFrom(seed);
   for (let i = 0; i < 8; ++i) random();
   const places: Record<string, Vec3> = {
-    pedestal: [1.5 + 0.3 * random(), -0.75 - 0.15 * random(), 0.25], crate: [0.9, 1.6, 0.15] };
+    pedestal: [1.2 + 0.2 * random(), -0.6 - 0.1 * random(), 0.25], crate: [0.9, 1.6, 0.15] };
   return makeBodies(seed).map(b => ({ ...b, centre: places[b.name] ?? b.centre }));
 }
 
