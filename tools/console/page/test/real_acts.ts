@@ -6,7 +6,7 @@ import { distanceToSurface, fromBody } from '../twin/world';
 import { seed } from './browser';
 import {
   bodies, desk, distanceTo, drivesTo, newestPicture, page, pressing,
-  proposal, sent, slow, until, wholeMesh,
+  proposal, sent, slow, tabTo, until, wholeMesh,
 } from './real_box';
 import { nextClick, overlap, truthOf } from './real_scene';
 
@@ -73,11 +73,11 @@ test('the bin by clicks: shown, corrected by a click at the largest error, accep
   await desk.live();
   let { selection, picture } = await proposed(async () =>
     desk.click(fromBody(bin, [-bin.half[0], 0, 0.05])));
-  const shares = [];
+  const shares: number[] = [];
   for (;;) {
     const truth = truthOf(selection, picture, bodies, bin);
     const share = overlap(selection.mask, truth);
-    shares.push(share.toFixed(3));
+    shares.push(share);
     if (share >= leastOverlap || shares.length === mostClicks) break;
     const next = nextClick(selection, truth);
     const canvas = (await page.locator('#picture').boundingBox())!;
@@ -85,8 +85,9 @@ test('the bin by clicks: shown, corrected by a click at the largest error, accep
     ({ selection, picture } = await proposed(async () => page.mouse.click(
       canvas.x + next.u * canvas.width, canvas.y + next.v * canvas.height)));
   }
-  console.log(`the bin, common with the truth after each click: ${shares.join(', ')}`);
-  assert.ok(Number(shares.pop()) >= leastOverlap, `seed ${seed}`);
+  console.log(`the bin, common with the truth after each click: ${
+    shares.map(s => s.toFixed(3)).join(', ')}`);
+  assert.ok(shares.pop()! >= leastOverlap, `seed ${seed}`);
   await desk.shot('real_object');
   await page.fill('#options input', 'bin');
   await page.click('#options button:has-text("Accept")');
@@ -100,9 +101,8 @@ test('another object by keys alone, in the picture; and taken back', async () =>
   const none = new Uint8Array(seen.width * seen.height);
   const blank = { width: seen.width, height: seen.height, proposal: 0, mask: none };
   const at = nextClick(blank, truthOf(blank, seen, bodies, body('table')));
-  await page.focus('#canvas');
   await keyboard.press('Escape');
-  await page.focus('#picture');
+  await tabTo('', '', 'picture');
   const go = async (steps: number, back: string, forth: string) => {
     for (let i = 0; i < Math.abs(Math.round(steps)); ++i) {
       await keyboard.press(steps < 0 ? back : forth);

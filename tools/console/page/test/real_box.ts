@@ -5,9 +5,8 @@ import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after } from 'node:test';
-import { Picture, Pose, Selection, Slow } from '../src/wire/types';
 import { readHead, readJson, readPicture, readPose, readSelection } from '../src/wire/decode';
-import { Kind } from '../src/wire/types';
+import { Kind, Picture, Pose, Selection, Slow } from '../src/wire/types';
 import { chromiumProgram, Desk, launch, seed, site, until as waitUntil } from './browser';
 import { realBodies, writeScene } from './real_scene';
 
@@ -104,8 +103,9 @@ export async function until(what: string, holds: () => boolean | Promise<boolean
   try {
     await waitUntil(what, holds, longest);
   } catch (error) {
-    const { events, phase, mode, held } = await slow();
-    throw new Error(`seed ${seed}: ${String(error)}\n${JSON.stringify({ phase, mode, held,
+    const { events, phase, mode, held, tracking, faults } = await slow();
+    throw new Error(`seed ${seed}: ${String(error)}\n${JSON.stringify({ phase, mode, held, tracking,
+      faults: faults?.map(f => f.id),
       events: events?.slice(-8).map(e => `${e.t.toFixed(1)} ${e.text}`),
       toasts: (await page.evaluate(() => window.toasts)).slice(-5) }, null, 1)}`);
   }
@@ -128,6 +128,25 @@ export const pose = async (): Promise<Pose> => readPose(await newest(Kind.pose))
 export const slow = async (): Promise<Slow> => readJson<Slow>(await newest(Kind.text));
 
 export const newestPicture = async (): Promise<Picture> => readPicture(await newest(Kind.picture));
+
+// When the newest event that says so was, s of the box's clock; -1: there is none.
+export async function newestEvent(what: RegExp): Promise<number> {
+  const { events } = await slow();
+  return Math.max(-1, ...(events ?? []).filter(e => what.test(e.text)).map(e => e.t));
+}
+
+// To a control, by Tab alone: by its text and that of its row, or by its id.
+export async function tabTo(text: string, row = '', id = ''): Promise<void> {
+  for (let i = 0; i < 120; ++i) {
+    await page.keyboard.press('Tab');
+    if (await page.evaluate(([t, r, name]) => {
+      const at = document.activeElement!;
+      return name ? at.id === name : at.textContent === t
+        && (!r || (at.closest('.row')?.textContent ?? '').includes(r));
+    }, [text, row, id] as const)) return;
+  }
+  throw new Error(`no way by Tab to: ${text}${id}`);
+}
 
 export async function sent(act: string): Promise<Act[]> {
   const all = await page.evaluate(() => window.acts);

@@ -1,9 +1,9 @@
 // Driving by hand: by the pad and by keys, and all that ends it.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { desk, page, pose, pressing, slow, standsStill, toasts, until } from './real_box';
+import { desk, newestEvent, page, pose, pressing, standsStill, toasts, until } from './real_box';
 
-const driven = 0.15;  // m
+const driven = 0.15;    // m
 const frozenFor = 600;  // ms that the browser stands still: three lives of a token
 
 async function way(from: number[]): Promise<number> {
@@ -39,8 +39,7 @@ async function endsBy(take: () => Promise<void>, why: RegExp): Promise<void> {
     return why.test(await toasts());
   });
   await standsStill();
-  const presses = async () =>
-    ((await slow()).events ?? []).filter(e => /driven by hand/.test(e.text)).map(e => e.t).join();
+  const presses = () => newestEvent(/driven by hand/);
   const [before, { robot }] = [await presses(), await pose()];
   await page.keyboard.down('s');  // repeats, as a key that is held does
   await page.waitForTimeout(700);
@@ -73,12 +72,13 @@ test('a window that loses the focus ends it', async () => {
 });
 
 test('a browser that stands still ends it, on the box as well', async () => {
+  const lost = /no longer held by the page: the base halts/;
+  const before = await newestEvent(lost);
   await endsBy(() => page.evaluate(ms => {
     const end = performance.now() + ms;
     while (performance.now() < end);
   }, frozenFor), /Let go of .*driving.*: the browser stood still for [5-9]\d\d ms/);
-  await until('an event of the box', async () =>
-    ((await slow()).events ?? []).some(e => /no longer held by the page/.test(e.text)));
+  assert.ok(await newestEvent(lost) > before, 'the box has not let go by itself');
 });
 
 test('Space stops', async () => {

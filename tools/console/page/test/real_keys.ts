@@ -1,7 +1,9 @@
 // The acts by the keyboard alone: no pointer from here on.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { desk, distanceTo, page, pose, sent, slow, standsStill, until } from './real_box';
+import {
+  desk, distanceTo, newestEvent, page, pose, sent, slow, standsStill, tabTo, until,
+} from './real_box';
 
 const { keyboard } = page;
 
@@ -9,14 +11,6 @@ async function press(key: string, times = 1): Promise<void> {
   for (let i = 0; i < times; ++i) await keyboard.press(key);
 }
 
-// To the control whose text it is, by Tab.
-async function tabTo(text: string): Promise<void> {
-  for (let i = 0; i < 120; ++i) {
-    await keyboard.press('Tab');
-    if (await page.evaluate(t => document.activeElement?.textContent === t, text)) return;
-  }
-  throw new Error(`no way by Tab to: ${text}`);
-}
 
 async function answered(act: string, key: string, run: () => Promise<void>): Promise<void> {
   const before = (await sent(act)).length;
@@ -26,8 +20,7 @@ async function answered(act: string, key: string, run: () => Promise<void>): Pro
 }
 
 test('a keep-out by keys, chosen in the list, deleted, taken back', async () => {
-  await page.focus('#canvas');
-  await keyboard.press('Escape');
+  await keyboard.press('Escape');  // to the scene, from wherever the focus is
   await answered('draw', '5', async () => {
     await press('ArrowDown', 8);
     await keyboard.down('Enter');
@@ -37,7 +30,7 @@ test('a keep-out by keys, chosen in the list, deleted, taken back', async () => 
   const keepOuts = async () => ((await slow()).obstacles ?? []).length;
   await until('it', async () => await keepOuts() === 1);
   await page.locator('.row:has-text("Keep-out")').waitFor();
-  await page.focus('.row:has-text("Keep-out") button:has-text("Look at")');
+  await tabTo('Look at', 'Keep-out');
   await press('Enter');
   await press('Delete');
   await until('none', async () => await keepOuts() === 0);
@@ -65,19 +58,20 @@ test('a touch by keys', async () => {
   });
 });
 
-test('a mark by keys, and the way to it', async () => {
+test('a mark by keys, and taken back', async () => {
   await answered('mark', '3', async () => {
     await keyboard.down('Enter');
     await press('ArrowRight', 4);
     await keyboard.up('Enter');
   });
   assert.ok(((await sent('mark')).pop()!.points as unknown[]).length > 1);
-  await until('its goal', async () => ((await slow()).marks ?? []).length === 1);
+  await until('it', async () => ((await slow()).marks ?? []).length === 1);
   await press('z');
   await until('none', async () => ((await slow()).marks ?? []).length === 0);
 });
 
 test('a region is forgotten by keys, after a yes', async () => {
+  const told = await newestEvent(/forgotten/);
   await press('Escape');
   await press('7');
   await keyboard.down('Enter');
@@ -88,8 +82,7 @@ test('a region is forgotten by keys, after a yes', async () => {
   await tabTo('Forget what is in the box');
   await press('Enter');
   await until('the forgetting', async () => (await sent('forget')).length === before + 1);
-  await until('the word', async () =>
-    ((await slow()).events ?? []).some(e => /forg/i.test(e.text)));
+  await until('the word', async () => await newestEvent(/forgotten/) > told);
 });
 
 test('to a place by keys: engaged, driven there, held', async () => {

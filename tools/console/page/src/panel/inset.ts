@@ -19,7 +19,8 @@ export function freshness(age: number): Freshness {
   return age < lateAfter ? 'fresh' : age < frozenAfter ? 'late' : 'frozen';
 }
 
-// Opaque grey of a depth in mm. Near is bright; black: nothing was measured.
+// Opaque grey of a depth in mm, as a little-endian pixel. Near is bright; black: nothing was
+// measured.
 function greyOfDepth(mm: number): number {
   const v = mm === 0 ? 0 : Math.floor(255 - 215 * (Math.min(far, Math.max(near, mm)) - near)
     / (far - near));
