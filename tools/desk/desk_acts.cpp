@@ -254,6 +254,13 @@ std::string DeskActs::drive(const Intent& intent, rt::Time at, rt::Time now) {
   return {};
 }
 
+// A page that stands still sends neither tokens nor where to: either may be the first to be too old.
+std::string DeskActs::drive_ended() const {
+  if (drive_hold_.lost()) return "no longer held by the page";
+  if (console_.seen().mode.mode != Mode::kEngaged) return "no longer engaged";
+  return drive_hold_.free() ? "let go" : "no longer held by the page";
+}
+
 void DeskActs::keep_drive(rt::Time now) {
   using Phase = tasks::TaskState::Phase;
   const auto& seen = console_.seen();
@@ -265,12 +272,8 @@ void DeskActs::keep_drive(rt::Time now) {
     if (held) drive_press_ = drive_hold_.presses();
   }
   if (!held && !driving_) return;
-  if (held != driving_) {
-    events_.add(now, "drive",
-                held ? "driven by hand"
-                     : (drive_hold_.lost() ? "no longer held by the page: the base halts"
-                                           : "let go: the base halts"));
-  }
+  if (held != driving_)
+    events_.add(now, "drive", held ? "driven by hand" : drive_ended() + ": the base halts");
   driving_ = held;
   tasks::DriveIntent out;
   out.seq = ++drive_seq_;

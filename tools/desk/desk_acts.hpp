@@ -143,6 +143,7 @@ class DeskActs {
   void hide_mark(std::uint64_t id);
   void keep_stop(rt::Time now);
   void keep_engage(rt::Time now, const Answer& answer);
+  [[nodiscard]] std::string drive_ended() const;
   void keep_drive(rt::Time now);
   void watch_keep_outs(rt::Time now);
   void keep_hand(rt::Time now);

@@ -144,7 +144,7 @@ void DeskShow::measure(rt::Time now, DeskFacts& facts) {
   facts.share = share_;
 }
 
-LinkFacts DeskShow::link_facts(rt::Time now) const {
+LinkFacts DeskShow::link_facts(const DeskEvents& events, rt::Time now) const {
   const auto& link = box_.graph().link();
   LinkFacts f;
   f.now = link_now(console_.link().newest, now);
@@ -152,8 +152,10 @@ LinkFacts DeskShow::link_facts(rt::Time now) const {
   f.round_trip_ms = 1e-6 * static_cast<double>(link.round_trip_ns.load());
   f.closed = link.closed;
   f.refused = link.refused;
-  if (const std::int64_t heard = link.last_heard_ns; heard != 0)
+  if (const std::int64_t heard = link.last_heard_ns; heard != 0) {
     f.heard_ago_ms = 1e-6 * static_cast<double>(rt::ns_of(now) - heard);
+    f.heard_at_s = events.seconds_at(now) - 1e-3 * f.heard_ago_ms;
+  }
   f.lowered = spared_text(link.spared());
   f.commands_refused = link.commands_refused;
   return f;
@@ -163,7 +165,7 @@ void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFac
                          rt::Time now) {
   facts.renders_force = renders_force_;
   facts.scale = acts.device_scale();
-  facts.link = link_facts(now);
+  facts.link = link_facts(events, now);
   if (tasks_ != nullptr) facts.tasks = tasks_->now();
   facts.viewers = port_.viewers();
   const auto people = port_.people ? port_.people() : std::vector<ConsolePerson>{};

@@ -49,7 +49,7 @@ class DeskShow {
   void show_map(rt::Time now);
   void show_text(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now);
   void measure(rt::Time now, DeskFacts& facts);
-  [[nodiscard]] LinkFacts link_facts(rt::Time now) const;
+  [[nodiscard]] LinkFacts link_facts(const DeskEvents& events, rt::Time now) const;
 
   OperatorBox& box_;
   OperatorConsole& console_;

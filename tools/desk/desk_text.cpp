@@ -21,7 +21,9 @@ using perception::Vec3;
 double rounded(double v) { return std::round(v * 1e4) / 1e4; }
 json vec(const Vec3& v) { return {rounded(v.x()), rounded(v.y()), rounded(v.z())}; }
 
-json faults_of(const OperatorView& seen, const DeskEvents& events) {
+// The cause of the newest change of mode may be an older one: what is wrong with the link now is
+// told beside it.
+json faults_of(const OperatorView& seen, const DeskEvents& events, const LinkFacts& link) {
   json all = json::array();
   const auto add = [&](rt::FaultId id, double since_s) {
     for (const auto& row : tasks::kFaultTable) {
@@ -34,6 +36,8 @@ json faults_of(const OperatorView& seen, const DeskEvents& events) {
   };
   if (seen.mode.cause != rt::kNoFault) add(seen.mode.cause, events.mode_since_s());
   if (seen.robot.fault != rt::kNoFault) add(seen.robot.fault, events.robot_fault_since_s());
+  if (const rt::FaultId id = link.fault(); id != rt::kNoFault && id != seen.mode.cause)
+    add(id, link.heard_at_s);
   return all;
 }
 
@@ -111,7 +115,6 @@ std::string ms_text(double ms) {
 }
 
 json link_of(const LinkFacts& f) {
-  constexpr double kSilent_ms = 500;
   const bool heard = f.heard_ago_ms >= 0;
   json link{{"state", !heard     ? "no other box"
                       : f.closed ? "closed"
@@ -121,7 +124,7 @@ json link_of(const LinkFacts& f) {
             {"lowered", nullptr}};
   if (f.refused)
     link["fault"] = "refused: the two boxes are of different versions or keys";
-  else if (heard && f.heard_ago_ms > kSilent_ms)
+  else if (heard && f.heard_ago_ms > LinkFacts::kSilent_ms)
     link["fault"] = "silent for " + ms_text(f.heard_ago_ms);
   if (f.round_trip_ms > 0) link["round_trip_ms"] = rounded(f.round_trip_ms);
   if (f.now.picture_age_ms >= 0) link["age_ms"] = rounded(f.now.picture_age_ms);
@@ -189,6 +192,12 @@ json device_of(const OperatorView& seen, const DeskFacts& facts) {
 
 }  // namespace
 
+rt::FaultId LinkFacts::fault() const noexcept {
+  if (refused) return tasks::kFaultLinkRefused;
+  const bool gone = heard_ago_ms >= 0 && (closed || heard_ago_ms > kSilent_ms);
+  return gone ? rt::FaultId{tasks::kFaultLinkSilent} : rt::kNoFault;
+}
+
 std::string text_body(const OperatorView& seen, const DeskActs& acts, const DeskEvents& events,
                       const DeskFacts& facts, std::string_view role,
                       std::string_view operator_name) {
@@ -204,7 +213,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"link", link_of(facts.link)},
          {"bus", bus_text(seen, facts.link.now)},
          {"tasks", tasks_of(facts)},
-         {"faults", faults_of(seen, events)},
+         {"faults", faults_of(seen, events, facts.link)},
          {"path", path_of(seen)},
          {"marks", marks_of(acts)},
          {"obstacles", obstacles_of(acts)},

@@ -15,9 +15,14 @@ struct LinkFacts {
   double loss = -1;          // share of the pictures; below 0: not known
   double round_trip_ms = 0;  // 0: not measured yet
   double heard_ago_ms = -1;  // any message; below 0: never
+  double heard_at_s = 0;     // the same, since the epoch of the run
   bool closed = false, refused = false;
   std::string lowered;                 // of the pictures, in words; empty: they are whole
   std::uint64_t commands_refused = 0;  // by the robot's box
+
+  static constexpr double kSilent_ms = 500;
+  // What is wrong with it now, whatever the mode is; kNoFault also before the other box was heard.
+  [[nodiscard]] rt::FaultId fault() const noexcept;
 };
 
 // What the desk knows beside what the console has seen.

@@ -38,6 +38,7 @@ class Hold {
   }
   // It was held, and nobody let it go.
   [[nodiscard]] bool lost() const noexcept { return state_ == State::kLost; }
+  [[nodiscard]] bool free() const noexcept { return state_ == State::kFree; }
   [[nodiscard]] rt::Time said() const noexcept { return said_; }  // newest token that named it
   [[nodiscard]] std::uint64_t presses() const noexcept { return presses_; }
 

@@ -5,6 +5,9 @@
 
 #include <vector>
 
+#include "tasks/supervision/fault_ids.hpp"
+#include "tools/desk/desk_text.hpp"
+
 namespace {
 
 using teletact::link_now;
@@ -57,6 +60,25 @@ TEST(LinkNow, PicturesThatDidNotArriveAreAShare) {
   // The robot's box begins anew.
   loss.see(1, 181, at_ms(7100));
   EXPECT_LT(loss.share(), 0);
+}
+
+// What the page names as a fault does not wait for a change of mode: in hold a silence changes none.
+TEST(LinkFacts, WhatIsWrongWithTheLinkNow) {
+  using teletact::LinkFacts;
+  LinkFacts f;
+  EXPECT_EQ(f.fault(), rt::kNoFault) << "never heard: another box is waited for";
+  f.closed = true;
+  EXPECT_EQ(f.fault(), rt::kNoFault) << "none was open";
+  f.closed = false;
+  f.heard_ago_ms = LinkFacts::kSilent_ms;
+  EXPECT_EQ(f.fault(), rt::kNoFault);
+  f.heard_ago_ms = LinkFacts::kSilent_ms + 1;
+  EXPECT_EQ(f.fault(), tasks::kFaultLinkSilent);
+  f.heard_ago_ms = 1;
+  f.closed = true;
+  EXPECT_EQ(f.fault(), tasks::kFaultLinkSilent);
+  f.refused = true;
+  EXPECT_EQ(f.fault(), tasks::kFaultLinkRefused);
 }
 
 }  // namespace
