@@ -8,7 +8,7 @@ import { AddressInfo, createServer } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, test } from 'node:test';
-import { chromiumProgram, Desk, launch, site, until } from './browser';
+import { chromiumProgram, Desk, launch, site, until as waitUntil } from './browser';
 
 if (!chromiumProgram()) {
   console.log('skipped: no chromium (apt-get install chromium)');
@@ -18,6 +18,7 @@ if (!chromiumProgram()) {
 const [program, costs] = process.argv.slice(4) as [string, string];
 const driven = 0.1;  // m by the pad
 const longestPress = 8000;  // ms
+const patient = 150000;     // ms, of a way that is driven
 
 const folder = mkdtempSync(join(tmpdir(), 'teletact_boxes_'));
 
@@ -53,6 +54,9 @@ class BoxProgram {
     await this.ended;
   }
 
+  // What is left of it, if a test threw.
+  end(): void { if (this.runs()) this.child!.kill('SIGKILL'); }
+
   runs(): boolean { return this.child!.exitCode === null; }
 }
 
@@ -60,9 +64,10 @@ const robot = new BoxProgram('robot', ['--listen', place]);
 const op = new BoxProgram('operator', ['--robot-address', place, '--console', '--console-port',
   '0', '--page', site, '--set', 'operator.engage_after_s=3600', '--set',
   'operator.re_engage_after_s=0', '--set', 'hand.start_after_s=3600']);
+process.on('exit', () => { for (const box of [op, robot]) box.end(); });
 robot.start();
 op.start();
-await until('the address of the page', () => {
+await waitUntil('the address of the page', () => {
   for (const box of [op, robot]) {
     if (box.runs()) continue;
     if (!box.said.includes('not registered')) throw new Error(`a box ended:\n${box.said}`);
@@ -84,7 +89,26 @@ after(async () => {
   rmSync(folder, { recursive: true });
 });
 
+// What fails says what the page said last.
+async function until(what: string, holds: () => boolean | Promise<boolean>,
+  longest?: number): Promise<void> {
+  try {
+    await waitUntil(what, holds, longest);
+  } catch (error) {
+    const texts = [];
+    for (const id of ['chips', 'toasts', 'pane-health', 'pane-timeline'])
+      texts.push(`${id}: ${await page.textContent(`#${id}`)}`);
+    throw new Error(`${String(error)}\n${texts.join('\n')}`);
+  }
+}
+
 const chips = async () => (await page.textContent('#chips'))!;
+// The reason that the page gives for what does not move.
+async function saysSilent(): Promise<void> {
+  await page.click('#tabs button:has-text("Health")');
+  await until('the reason', async () =>
+    (await page.textContent('#pane-health'))!.includes('the link is silent'));
+}
 const locked = () => page.evaluate(() =>
   document.getElementById('view')!.classList.contains('frozen'));
 
@@ -114,7 +138,7 @@ async function drives(): Promise<void> {
     }
     await page.mouse.up();
     return way >= driven;
-  });
+  }, patient);
 }
 
 test('the base drives by the pad', async () => {
@@ -126,9 +150,7 @@ test('the robot is killed: locked, and said why', async () => {
   await robot.kill('SIGKILL');
   await until('the lock', locked);
   await until('no engagement', async () => !(await chips()).includes('engaged'));
-  await page.click('#tabs button:has-text("Health")');
-  await until('the reason', async () =>
-    (await page.textContent('#pane-health'))!.includes('the link is silent'));
+  await saysSilent();
   await page.click('#commands button:has-text("Engage")');
   await page.waitForTimeout(1000);
   assert.ok(!(await chips()).includes('engaged'), 'engaged with a robot that is not there');
@@ -143,5 +165,13 @@ test('it is started again: live, not engaged by itself, and driven after a new p
   await drives();
   await page.keyboard.press('Space');
   await until('the stop', async () => (await chips()).includes('Hold'));
+});
+
+test('it is killed in hold, where no mode changes: locked, and said why', async () => {
+  await robot.kill('SIGKILL');
+  await until('the lock', locked);
+  await saysSilent();
+  robot.start();
+  await until('the lock to end', async () => !await locked());
   assert.deepEqual(desk.errors, []);
 });

@@ -129,6 +129,14 @@ export const slow = async (): Promise<Slow> => readJson<Slow>(await newest(Kind.
 
 export const newestPicture = async (): Promise<Picture> => readPicture(await newest(Kind.picture));
 
+// Seconds of the box in one of this machine: below 1 where it can not keep up.
+export async function boxRate(): Promise<number> {
+  const time = async () => readHead(await newest(Kind.pose)).time;
+  const [box, here] = [await time(), Date.now()];
+  await page.waitForTimeout(700);
+  return Math.max(0.01, (await time() - box) / (1e-3 * (Date.now() - here)));
+}
+
 // When the newest event that says so was, s of the box's clock; -1: there is none.
 export async function newestEvent(what: RegExp): Promise<number> {
   const { events } = await slow();
