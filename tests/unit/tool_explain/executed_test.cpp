@@ -215,10 +215,15 @@ TEST(EffectCosts, TheTableThatExplainPrintsIsOfThisCatalogue) {
   EXPECT_EQ(cost_text(nullptr), "cost not measured");
 }
 
-// An effect that does work costs its payer more than none.
+// An effect that does work costs its payer more than none. A busy machine needs more rounds for it:
+// of each job the least of all rounds counts.
 TEST(EffectCosts, AnEffectIsMeasuredAgainstTheSameRunWithoutIt) {
   std::ostringstream progress;
-  const EffectCosts c = measure_effects(startup().token(), progress, 1.0, 2, "camera noise: axial");
+  EffectCosts c;
+  for (int rounds = 2; rounds <= 16; rounds *= 2) {
+    c = measure_effects(startup().token(), progress, 1.0, rounds, "camera noise: axial");
+    if (c.rows.size() == 1 && c.rows[0].told()) break;
+  }
   ASSERT_EQ(c.rows.size(), 1U);
   EXPECT_EQ(c.rows[0].job, "a job of capture");
   EXPECT_GT(c.rows[0].us, 50) << "a deviate for each of 200,000 pixels";
