@@ -79,6 +79,13 @@ test('a touch that rests and has lapsed on the box ends here too, told once', as
   await mouse.up();
 });
 
+test('a stop by somebody else leaves no pressed button', async () => {
+  await desk.engage();
+  await until('the button', async () => await engagePressed() === 'true');
+  plant.stop();
+  await until('the button', async () => await engagePressed() === 'false');
+});
+
 test('an engagement that has lapsed on the box is no pressed button, and one press engages',
   async () => {
     await desk.engage();

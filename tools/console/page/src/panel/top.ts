@@ -72,7 +72,9 @@ export class TopBar {
       : 'No device', '');
     this.role.show(this.acts.link.role === 'viewer' || slow.role === 'viewer' ? 'Viewer'
       : 'Operator', '', slow.operator_name ? `Operator: ${slow.operator_name}` : '');
-    this.engage.setAttribute('aria-pressed', String(this.acts.held.has('engage')));
+    // Held, though somebody else has stopped, it does nothing any more.
+    const engaged = this.acts.held.has('engage') && (mode === 'engaged' || mode === 'ramp down');
+    this.engage.setAttribute('aria-pressed', String(engaged));
   }
 
   private modeName(slow: Slow, pose: Pose | null): string {
