@@ -125,7 +125,7 @@ TEST(OmegaDevice, StalledLoopIsDroppedWithinTwentyMilliseconds) {
     rig.ticks(5, {1, 0, 0});
     int held = 0;
     for (; held < 100; ++held) {  // reads go on, commands do not
-      rig.tick({}, false);
+      rig.tick(Vec3::Zero(), false);
       if (rig.twin.motor() == Vec3::Zero()) break;
     }
     EXPECT_LE(held, watchdog_s * 1e3 + 1);

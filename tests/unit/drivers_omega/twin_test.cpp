@@ -170,9 +170,9 @@ TEST(OmegaTwin, StatesAndWatchdog) {
   d.tick({1, 0, 0});
   d.tick({1, 0, 0});
   EXPECT_EQ(d.sample.state, DeviceState::kForce);
-  for (int i = 0; i < 20; ++i) d.tick({}, false);
+  for (int i = 0; i < 20; ++i) d.tick(Vec3::Zero(), false);
   EXPECT_EQ(d.sample.state, DeviceState::kForce);  // 20 ms without a command: still allowed
-  d.tick({}, false);
+  d.tick(Vec3::Zero(), false);
   EXPECT_EQ(d.sample.state, DeviceState::kBrake);
   EXPECT_EQ(d.twin.force_off_cause(), ForceOffCause::kWatchdog);
   EXPECT_EQ(d.twin.motor_force(), Vec3::Zero());
@@ -194,7 +194,7 @@ TEST(OmegaTwin, WatchdogActsAtItsInstantWhenReadLate) {
   Device d(ideal());
   d.tick({0.5, 0, 0});
   d.now += 500ms;
-  d.tick({}, false);
+  d.tick(Vec3::Zero(), false);
   EXPECT_EQ(d.sample.state, DeviceState::kBrake);
   // 0.5 N for 20 ms on 0.2 kg with b = 2, then the brake: under 2 mm, not the 30 cm of 500 ms.
   EXPECT_LT(d.sample.p_DH.x(), 0.002);
