@@ -254,7 +254,8 @@ std::string DeskActs::drive(const Intent& intent, rt::Time at, rt::Time now) {
   return {};
 }
 
-// A page that stands still sends neither tokens nor where to: either may be the first to be too old.
+// A page that stands still sends neither tokens nor where to: either may be the first to be too
+// old.
 std::string DeskActs::drive_ended() const {
   if (drive_hold_.lost()) return "no longer held by the page";
   if (console_.seen().mode.mode != Mode::kEngaged) return "no longer engaged";

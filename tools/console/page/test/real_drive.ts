@@ -6,7 +6,7 @@ import {
 } from './real_box';
 
 const driven = 0.15;         // m
-const frozenFor = 600;       // ms of the box's time that the browser freezes: three lives of a token
+const frozenFor = 600;       // ms of the box's time that the browser freezes: three token lives
 const longestFreeze = 6000;  // ms
 
 async function way(from: number[]): Promise<number> {
