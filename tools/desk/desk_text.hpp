@@ -21,7 +21,7 @@ struct LinkFacts {
   std::uint64_t commands_refused = 0;  // by the robot's box
 
   static constexpr double kSilent_ms = 500;
-  // What is wrong with it now, whatever the mode is; kNoFault also before the other box was heard.
+  // What is wrong with it now, whatever the mode is. A box that was never heard is not silent.
   [[nodiscard]] rt::FaultId fault() const noexcept;
 };
 
