@@ -39,6 +39,7 @@ struct RobotState {
   // A silence of the link alone has taken the robot's box out of the engaged mode, and it goes on
   // if the operator still asks for it. 1: it is still silent. 2: it is heard again.
   std::uint8_t pauses = 0;
+  std::uint16_t mode_cause = 0;  // the fault that put the robot's box into `mode`, 0: none
 };
 
 // Where the base shall go next, made 10 times a second by prediction.
@@ -84,14 +85,23 @@ struct ClockReply {
 template <>
 struct rt::Fields<drivers::RobotState> {
   using M = drivers::RobotState;
-  static constexpr std::tuple kList{value(&M::seq, "seq"),       datum(&M::taken, "taken"),
-                                    number(&M::x_m, "x"),        number(&M::y_m, "y"),
-                                    number(&M::yaw_rad, "yaw"),  number(&M::vx, "vx"),
-                                    number(&M::vy, "vy"),        number(&M::wz, "wz"),
-                                    value(&M::cmd_vx, "cmd_vx"), value(&M::cmd_vy, "cmd_vy"),
-                                    value(&M::cmd_wz, "cmd_wz"), value(&M::goal_seq, "goal_seq"),
-                                    value(&M::mode, "mode", 4),  value(&M::moving, "moving", 1),
-                                    value(&M::fault, "fault"),   value(&M::pauses, "pauses", 2)};
+  static constexpr std::tuple kList{value(&M::seq, "seq"),
+                                    datum(&M::taken, "taken"),
+                                    number(&M::x_m, "x"),
+                                    number(&M::y_m, "y"),
+                                    number(&M::yaw_rad, "yaw"),
+                                    number(&M::vx, "vx"),
+                                    number(&M::vy, "vy"),
+                                    number(&M::wz, "wz"),
+                                    value(&M::cmd_vx, "cmd_vx"),
+                                    value(&M::cmd_vy, "cmd_vy"),
+                                    value(&M::cmd_wz, "cmd_wz"),
+                                    value(&M::goal_seq, "goal_seq"),
+                                    value(&M::mode, "mode", 4),
+                                    value(&M::moving, "moving", 1),
+                                    value(&M::fault, "fault"),
+                                    value(&M::pauses, "pauses", 2),
+                                    value(&M::mode_cause, "mode_cause")};
 };
 static_assert(rt::lists_every_field<drivers::RobotState>());
 

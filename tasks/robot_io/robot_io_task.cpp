@@ -263,6 +263,7 @@ void RobotIoTask::write_state(const rt::Tick& tick, const In& in, Drive, Health 
   s.cmd_wz = v_commanded_.wz;
   s.goal_seq = have_goal_ ? goal_.seq : 0;
   s.mode = static_cast<std::uint8_t>(in.mode != nullptr ? in.mode->mode : Mode::kInit);
+  s.mode_cause = in.mode != nullptr ? in.mode->cause : rt::kNoFault;
   const bool turning = std::hypot(s.vx, s.vy) > 0.005 || std::abs(s.wz) > 0.01;
   s.moving = static_cast<std::uint8_t>(turning || trajectory_.moving());
   s.fault = health.fault;

@@ -150,7 +150,8 @@ std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at,
     case Mode::kRampDown:
       return refused("ramping down: press again when it holds");
     case Mode::kSafeStop:
-      return refused("a safe stop, " + fault_text(mode.cause) + ": clear it first");
+      return refused("a safe stop, " + cause_text(mode.cause, console_.seen().robot) +
+                     ": clear it first");
     case Mode::kHold:
       break;
   }
@@ -179,7 +180,8 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
     const bool late = now - waiting_->since > kPatience;
     if (engaged || late || !engage_wanted_) {
       const std::string why =
-          mode.cause != rt::kNoFault ? fault_text(mode.cause) + fault_advice(mode.cause)
+          mode.cause != rt::kNoFault
+              ? cause_text(mode.cause, console_.seen().robot) + fault_advice(mode.cause)
           : late ? std::string("supervision did not follow: is the robot's box there?")
                  : std::string("it was let go");
       answer(waiting_->session, waiting_->id, engaged ? done() : refused(why));

@@ -43,8 +43,17 @@ void DeskEvents::watch(const OperatorView& seen, rt::Time now) {
     cause_ = seen.mode.cause;
     mode_since_s_ = t_s;
     std::string text = mode_text(mode_);
-    if (cause_ != rt::kNoFault) text += ": " + fault_text(cause_) + fault_advice(cause_);
+    if (cause_ != rt::kNoFault)
+      text += ": " + cause_text(cause_, seen.robot) + fault_advice(cause_);
     add(now, "mode", text);
+  }
+  // Of its modes only this one is news: the others follow what this box says itself.
+  if (seen.robot.mode != robot_mode_ || seen.robot.mode_cause != robot_cause_) {
+    robot_mode_ = seen.robot.mode;
+    robot_cause_ = seen.robot.mode_cause;
+    robot_mode_since_s_ = t_s;
+    if (static_cast<tasks::Mode>(robot_mode_) == tasks::Mode::kSafeStop)
+      add(now, "robot", "the robot's box: safe stop: " + fault_text(robot_cause_));
   }
   if (seen.robot.fault != robot_fault_) {
     robot_fault_ = seen.robot.fault;

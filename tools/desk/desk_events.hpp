@@ -34,6 +34,7 @@ class DeskEvents {
   [[nodiscard]] std::uint64_t all() const noexcept { return all_; }
   // When the fault that is reported now began.
   [[nodiscard]] double mode_since_s() const noexcept { return mode_since_s_; }
+  [[nodiscard]] double robot_mode_since_s() const noexcept { return robot_mode_since_s_; }
   [[nodiscard]] double robot_fault_since_s() const noexcept { return robot_fault_since_s_; }
 
  private:
@@ -46,11 +47,12 @@ class DeskEvents {
   std::uint64_t all_ = 0, logged_bytes_ = 0;
   tasks::Mode mode_ = tasks::Mode::kInit;
   rt::FaultId cause_ = rt::kNoFault;
-  std::uint16_t robot_fault_ = 0;
+  std::uint16_t robot_fault_ = 0, robot_cause_ = 0;
+  std::uint8_t robot_mode_ = 0;
   tasks::TaskState::Phase phase_ = tasks::TaskState::Phase::kIdle;
   tasks::CameraPose::Tracking tracking_ = tasks::CameraPose::Tracking::kLost;
   std::uint32_t named_ = 0;
-  double mode_since_s_ = 0, robot_fault_since_s_ = 0;
+  double mode_since_s_ = 0, robot_mode_since_s_ = 0, robot_fault_since_s_ = 0;
 };
 
 }  // namespace teletact

@@ -22,20 +22,23 @@ double rounded(double v) { return std::round(v * 1e4) / 1e4; }
 json vec(const Vec3& v) { return {rounded(v.x()), rounded(v.y()), rounded(v.z())}; }
 
 // The cause of the newest change of mode may be an older one: what is wrong with the link now is
-// told beside it.
+// told beside it. What put the robot's box into its mode stands there too, as "at the robot".
 json faults_of(const OperatorView& seen, const DeskEvents& events, const LinkFacts& link) {
   json all = json::array();
-  const auto add = [&](rt::FaultId id, double since_s) {
+  const auto add = [&](rt::FaultId id, double since_s, const char* where = "") {
     for (const auto& row : tasks::kFaultTable) {
       if (row.id != id) continue;
       all.push_back({{"id", std::string(row.code)},
-                     {"text", std::string(row.what)},
+                     {"text", where + std::string(row.what)},
                      {"advice", std::string(row.advice)},
                      {"since_s", rounded(since_s)}});
     }
   };
   if (seen.mode.cause != rt::kNoFault) add(seen.mode.cause, events.mode_since_s());
   if (seen.robot.fault != rt::kNoFault) add(seen.robot.fault, events.robot_fault_since_s());
+  const rt::FaultId there = seen.robot.mode_cause;
+  if (there != rt::kNoFault && there != seen.mode.cause && there != seen.robot.fault)
+    add(there, events.robot_mode_since_s(), "at the robot: ");
   if (const rt::FaultId id = link.fault(); id != rt::kNoFault && id != seen.mode.cause)
     add(id, link.heard_at_s);
   return all;
@@ -222,7 +225,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"sessions", sessions_of(acts.sessions())},
          {"recording", acts.recording()},
          {"console", {{"viewers", facts.viewers}, {"share", rounded(facts.share)}}}};
-  if (seen.mode.cause != rt::kNoFault) t["mode_cause"] = fault_text(seen.mode.cause);
+  if (seen.mode.cause != rt::kNoFault) t["mode_cause"] = cause_text(seen.mode.cause, seen.robot);
   if (seen.task.off_m >= 0) {
     t["goal"] = {{"off_m", rounded(seen.task.off_m)},
                  {"short", seen.task.is_short},

@@ -83,12 +83,13 @@ std::string why_held(const OperatorView& view) {
                                                                : "";
 }
 
-std::string stopped(const tasks::ModeMsg& mode) {
+std::string stopped(const OperatorView& view) {
+  const tasks::ModeMsg& mode = view.mode;
   if (mode.seq == 0 || mode.mode == tasks::Mode::kEngaged) return {};
   std::string text = mode.mode == tasks::Mode::kSafeStop   ? "; at the end: safe stop"
                      : mode.mode == tasks::Mode::kRampDown ? "; at the end: ramp down"
                                                            : "; at the end: not engaged";
-  if (mode.cause != rt::kNoFault) text += ", " + fault_text(mode.cause);
+  if (mode.cause != rt::kNoFault) text += ", " + cause_text(mode.cause, view.robot);
   return text;
 }
 
@@ -139,7 +140,7 @@ GoalCheck check_goal(const Scene& scene, const DemoOptions& options, const Opera
         off + (task.phase == Phase::kPlanning ? "waiting for a path" : "the drive was broken off") +
         why_held(op.view);
   }
-  if (!c.missed.empty()) c.missed = "goal not reached: " + c.missed + stopped(op.view.mode);
+  if (!c.missed.empty()) c.missed = "goal not reached: " + c.missed + stopped(op.view);
   return c;
 }
 

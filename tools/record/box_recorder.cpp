@@ -133,6 +133,12 @@ std::string fault_text(rt::FaultId id) {
   return "fault " + std::to_string(id);
 }
 
+std::string cause_text(rt::FaultId id, const drivers::RobotState& robot) {
+  const bool there = id == tasks::kFaultPeerStopped || id == tasks::kFaultPeerNotEngaged;
+  if (!there || robot.mode_cause == rt::kNoFault) return fault_text(id);
+  return fault_text(id) + " (there: " + fault_text(robot.mode_cause) + ")";
+}
+
 std::string fault_advice(rt::FaultId id) {
   const int row = tasks::fault_row(id);
   if (id == rt::kNoFault || row < 0) return "";

@@ -71,6 +71,9 @@ class BoxRecorder {
 
 // "F-SUP-02 link silent" for a fault id; "no fault" for none.
 [[nodiscard]] std::string fault_text(rt::FaultId id);
+// The same for what put the operator's box into its mode. If that is what the robot's box did, the
+// cause is there: "F-SUP-05 the other box went into a safe stop (there: F-CRE-03 ...)".
+[[nodiscard]] std::string cause_text(rt::FaultId id, const drivers::RobotState& robot);
 // "; to do: check the network and the other box, then engage again"; empty for none.
 [[nodiscard]] std::string fault_advice(rt::FaultId id);
 

@@ -66,7 +66,7 @@ drivers::RobotState robot_state() {
   m.seq = 11, m.taken = at(1200);
   m.x_m = 1.5, m.y_m = -2.25, m.yaw_rad = 0.125, m.vx = 0.5, m.vy = -0.25, m.wz = 0.75;
   m.cmd_vx = 0.625, m.cmd_vy = -0.375, m.cmd_wz = 0.875;
-  m.goal_seq = 9, m.mode = 2, m.moving = 1, m.fault = 590, m.pauses = 2;
+  m.goal_seq = 9, m.mode = 2, m.moving = 1, m.fault = 590, m.pauses = 2, m.mode_cause = 503;
   return m;
 }
 drivers::RobotGoal robot_goal() {
@@ -113,7 +113,7 @@ TEST(MessageGolden, Wire) {
   EXPECT_EQ(bytes_of(robot_state()),
             "0b00000000000000008c864700000000000000000000f83f00000000000002c0000000000000c03f000000"
             "000000e03f000000000000d0bf000000000000e83f000000000000e43f000000000000d8bf000000000000"
-            "ec3f090000000000000002014e0202");
+            "ec3f090000000000000002014e0202f701");
   EXPECT_EQ(
       bytes_of(robot_goal()),
       "0c00000000000000006d7c4d00000000801f635c000000000000000000000440000000000000f4bf000000000000"

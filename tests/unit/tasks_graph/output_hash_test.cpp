@@ -116,7 +116,7 @@ TEST(OutputHash, RobotGoalStateAndSetpoints) {
   expect_each_seen<drivers::RobotState>(
       {}, {FIELD(seq), FIELD(taken), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad), FIELD(vx), FIELD(vy),
            FIELD(wz), FIELD(cmd_vx), FIELD(cmd_vy), FIELD(cmd_wz), FIELD(goal_seq), FIELD(mode),
-           FIELD(moving), FIELD(fault), FIELD(pauses)});
+           FIELD(moving), FIELD(fault), FIELD(pauses), FIELD(mode_cause)});
   expect_each_seen<drivers::MotorSetpoints>(
       {}, {FIELD(mode), FIELD(wheel_rad_per_s[0]), FIELD(wheel_rad_per_s[3])});
 }

@@ -323,7 +323,9 @@ TEST(RobotIo, SafeStopSwitchesOffAtOnce) {
     drive(r, {5, 0, 0}, 2000);
     r.send({5, 0, 0}, 10s);
     r.mode.mode = m;
+    r.mode.cause = 701;
     r.tick();
+    EXPECT_EQ(r.out.state.mode_cause, 701) << "the operator's box names it";
     EXPECT_EQ(r.out.setpoints.mode, drivers::MotorMode::kStop);
     for (const double w : r.out.setpoints.wheel_rad_per_s) EXPECT_EQ(w, 0);
   }
