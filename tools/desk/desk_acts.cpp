@@ -42,6 +42,13 @@ bool waits_for_opening(Act act) {
          act == Act::kUnmark;
 }
 
+// Empty: it is not in a safe stop. In one it follows no engage, whatever this box's mode came from.
+std::string robot_stopped(const OperatorView& seen) {
+  if (static_cast<Mode>(seen.robot.mode) != Mode::kSafeStop) return "";
+  return "the robot's box is in a safe stop, " + fault_text(seen.robot.mode_cause) +
+         ": clear it first";
+}
+
 }  // namespace
 
 std::vector<std::string_view> DeskActs::can() const {
@@ -153,6 +160,7 @@ std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at,
       return refused("a safe stop, " + cause_text(mode.cause, console_.seen().robot) +
                      ": clear it first");
     case Mode::kHold:
+      if (const std::string why = robot_stopped(console_.seen()); !why.empty()) return refused(why);
       break;
   }
   if (waiting_) return refused("asked already");
@@ -179,8 +187,10 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
   if (waiting_) {
     const bool late = now - waiting_->since > kPatience;
     if (engaged || late || !engage_wanted_) {
+      const std::string there = robot_stopped(console_.seen());
       const std::string why =
-          mode.cause != rt::kNoFault
+          !there.empty() ? there
+          : mode.cause != rt::kNoFault
               ? cause_text(mode.cause, console_.seen().robot) + fault_advice(mode.cause)
           : late ? std::string("supervision did not follow: is the robot's box there?")
                  : std::string("it was let go");

@@ -226,6 +226,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"recording", acts.recording()},
          {"console", {{"viewers", facts.viewers}, {"share", rounded(facts.share)}}}};
   if (seen.mode.cause != rt::kNoFault) t["mode_cause"] = cause_text(seen.mode.cause, seen.robot);
+  if (seen.robot.mode_cause != rt::kNoFault) t["robot_cause"] = fault_text(seen.robot.mode_cause);
   if (seen.task.off_m >= 0) {
     t["goal"] = {{"off_m", rounded(seen.task.off_m)},
                  {"short", seen.task.is_short},

@@ -13,6 +13,7 @@ namespace {
 
 using desk_run::Person;
 using nlohmann::json;
+using teletact::DemoOptions;
 using testing::HasSubstr;
 
 json hand(double x, double y, bool press) {
@@ -313,6 +314,48 @@ TEST(DeskRun, DrivenByHandIntoAKeepOutThePersonIsTold) {
   EXPECT_EQ(told(p, "keep-out"),
             "Keep-out 3 is ahead: driven by hand, nothing stops the base.\n"
             "The base is in keep-out 3.\n");
+}
+
+// The robot's box stops while the operator's holds, which that does not move: it is told, and a
+// clear is what helps.
+TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
+  auto s = desk_run::scene();
+  DemoOptions options;
+  options.fault_plan = (desk_run::folder() / "still.toml").string();
+  std::ofstream(options.fault_plan) << "name = 'still'\npurpose = 'robot_io stands still'\n"
+                                       "[[fault]]\nkind = 'late_release'\ntarget = 'robot_io'\n"
+                                       "first = 1500\nmagnitude_us = 400000\n";
+  Person p;
+  p.viewers = 1;
+  json stopped, after;
+  std::int64_t first = 0, second = 0;
+  p.act = [&](double t) {
+    if (p.once("look", t, 2.8)) stopped = json::parse(p.text);
+    if (p.once("press", t, 3.0)) {
+      p.holds = json::array({"engage"});
+      first = p.say({{"act", "engage"}});
+    }
+    if (p.once("let go", t, 3.2)) p.holds = json::array();
+    if (p.once("clear", t, 3.4)) p.say({{"act", "clear"}});
+    if (p.once("press again", t, 5.0)) {
+      p.holds = json::array({"engage"});
+      second = p.say({{"act", "engage"}});
+    }
+    if (p.once("end", t, 5.8)) after = json::parse(p.text);
+  };
+  static_cast<void>(desk_run::run(*s, 6, p, options));
+  EXPECT_EQ(stopped.value("mode", ""), "hold");
+  EXPECT_EQ(stopped.value("robot_mode", ""), "safe stop");
+  const std::string cause = stopped.value("robot_cause", "");
+  EXPECT_THAT(cause, HasSubstr("F-RIO-90"));
+  EXPECT_THAT(stopped["faults"].dump(), HasSubstr("at the robot: "));
+  EXPECT_THAT(told(p, "robot"), HasSubstr("the robot's box: safe stop: " + cause));
+  EXPECT_FALSE(p.answers.at(first).ok);
+  EXPECT_EQ(p.answers.at(first).why,
+            "the robot's box is in a safe stop, " + cause + ": clear it first");
+  EXPECT_TRUE(p.answers.at(second).ok) << p.answers.at(second).why;
+  EXPECT_EQ(after.value("mode", ""), "engaged");
+  EXPECT_FALSE(after.contains("robot_cause"));
 }
 
 }  // namespace

@@ -49,6 +49,8 @@ class BoxProgram {
     this.child = child;
   }
 
+  send(signal: NodeJS.Signals): void { this.child!.kill(signal); }
+
   async kill(signal: NodeJS.Signals): Promise<void> {
     this.child!.kill(signal);
     await this.ended;
@@ -161,6 +163,26 @@ test('the base drives by the pad', async () => {
   await engages();
   await drives();
 });
+
+test('the robot\'s box stands still for 2 s: its safe stop is told, cleared, and driven after',
+  async () => {
+    await page.click('#commands button:has-text("Hold")');
+    robot.send('SIGSTOP');
+    await until('the lock', locked);
+    await page.waitForTimeout(2000);
+    robot.send('SIGCONT');
+    await until('the chip', async () => (await chips()).includes('Robot safe stop'));
+    await page.click('#tabs button:has-text("Health")');
+    await until('the cause', async () =>
+      (await page.textContent('#pane-health'))!.includes('at the robot: '));
+    await desk.shot('robot_stopped');
+    await until('the lock to end', async () => !await locked());
+    await page.click('#commands button:has-text("Engage")');
+    await until('the reason', async () =>
+      /the robot's box is in a safe stop, F-.*: clear it first/.test(
+        (await page.textContent('#toasts'))!));
+    await drives();
+  });
 
 test('the robot is killed: locked, and said why', async () => {
   await robot.kill('SIGKILL');

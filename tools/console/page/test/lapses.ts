@@ -79,6 +79,14 @@ test('a touch that rests and has lapsed on the box ends here too, told once', as
   await mouse.up();
 });
 
+test('a robot that stopped while this box holds is told', async () => {
+  const chips = async () => (await page.textContent('#chips'))!;
+  plant.robotMode = 'safe stop';
+  await until('the chip', async () => (await chips()).includes('Robot safe stop'));
+  plant.robotMode = null;
+  await until('the chip', async () => (await chips()).includes('Hold'));
+});
+
 test('a stop by somebody else leaves no pressed button', async () => {
   await desk.engage();
   await until('the button', async () => await engagePressed() === 'true');

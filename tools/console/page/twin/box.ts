@@ -332,7 +332,8 @@ export class TwinBox {
       hz, late_p95_us: late, cpu_ms: cpu, cpu_share: cpu * hz / 1000, misses: 0 });
     const slow = {
       version: 'twin', operator_name: 'operator 1', clock: this.clock, mode: p.mode,
-      mode_cause: p.cause, robot_mode: p.mode, phase: p.phase, link, tracking: 'tracking',
+      mode_cause: p.cause, robot_mode: p.robotMode ?? p.mode, phase: p.phase, link,
+      tracking: 'tracking',
       ...(p.off < 0 ? {} : { goal: { off_m: p.off, short: p.short,
         text: p.short ? `${p.off.toFixed(2)} m short of the goal` : '' } }),
       device: this.desk.device, bus: 'operational',

@@ -37,6 +37,7 @@ class Hold {
 export class Plant {
   time = 0;
   mode = 'hold';
+  robotMode: string | null = null;  // null: that of this box
   cause = '';
   phase = 'idle';
   robot: Vec3 = [0, 0, 0];

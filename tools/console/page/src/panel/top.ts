@@ -55,8 +55,13 @@ export class TopBar {
   show(): void {
     const { slow, pose } = this.store;
     const mode = this.modeName(slow, pose);
-    this.mode.show(mode === 'hold' ? 'Hold' : mode, mode === 'engaged' ? 'good'
-      : mode === 'hold' || mode === 'starting' ? '' : 'bad', slow.mode_cause ?? '');
+    // In hold this box does not follow the robot's into a safe stop, which keeps it from engaging.
+    if (slow.robot_mode === 'safe stop' && mode !== 'safe stop') {
+      this.mode.show('Robot safe stop', 'bad', slow.robot_cause ?? '');
+    } else {
+      this.mode.show(mode === 'hold' ? 'Hold' : mode, mode === 'engaged' ? 'good'
+        : mode === 'hold' || mode === 'starting' ? '' : 'bad', slow.mode_cause ?? '');
+    }
     this.showLink(slow);
     const phase = slow.phase ?? 'unknown';
     const missed = slow.goal?.short === true || phase === 'failed';

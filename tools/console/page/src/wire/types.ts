@@ -144,6 +144,7 @@ export interface Slow {
   mode?: string;
   mode_cause?: string;
   robot_mode?: string;
+  robot_cause?: string;
   phase?: string;
   held?: string;
   lost?: Hold[];           // ended though nobody let them go
