@@ -92,10 +92,13 @@ void OperatorConsole::mind_held(const tasks::OdometryFrame& newest) {
   seen_.held_limit_ms = newest.held_limit_ms;
 }
 
-// For the status line, once somebody has engaged: why the base may not be driven, or that goals
-// reach the robot too late.
+// For the status line: that the robot's box alone is in a safe stop; once somebody has engaged, why
+// the base may not be driven, or that goals reach the robot too late.
 std::string OperatorConsole::stands() const {
   using tasks::Held;
+  if (static_cast<tasks::Mode>(seen_.robot.mode) == tasks::Mode::kSafeStop &&
+      seen_.mode.mode != tasks::Mode::kSafeStop)
+    return "  ROBOT IN A SAFE STOP: " + fault_text(seen_.robot.mode_cause);
   if (seen_.engages == 0) return {};
   const auto& w = seen_.world;
   if (w.held == Held::kPlaceUnsure) return {};  // stands beside the stated error

@@ -328,9 +328,10 @@ TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
   Person p;
   p.viewers = 1;
   json stopped, after;
+  std::string line;
   std::int64_t first = 0, second = 0;
   p.act = [&](double t) {
-    if (p.once("look", t, 2.8)) stopped = json::parse(p.text);
+    if (p.once("look", t, 2.8)) stopped = json::parse(p.text), line = p.status_line();
     if (p.once("press", t, 3.0)) {
       p.holds = json::array({"engage"});
       first = p.say({{"act", "engage"}});
@@ -350,6 +351,7 @@ TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
   EXPECT_THAT(cause, HasSubstr("F-RIO-90"));
   EXPECT_THAT(stopped["faults"].dump(), HasSubstr("at the robot: "));
   EXPECT_THAT(told(p, "robot"), HasSubstr("the robot's box: safe stop: " + cause));
+  EXPECT_THAT(line, HasSubstr("ROBOT IN A SAFE STOP: " + cause));
   EXPECT_FALSE(p.answers.at(first).ok);
   EXPECT_EQ(p.answers.at(first).why,
             "the robot's box is in a safe stop, " + cause + ": clear it first");

@@ -119,6 +119,7 @@ class Person : public teletact::PageHook {
     return t >= at && done_.insert(what).second;
   }
   const teletact::OperatorView& seen() const { return console_->seen(); }
+  std::string status_line() const { return console_->status_line(now()); }
   rt::Time now() const { return rt::time_from_ns(now_ns_); }
 
   std::function<void(double)> act;
