@@ -3,6 +3,7 @@
 
 #include "tasks/supervision/fault_ids.hpp"
 #include "tools/desk/desk_events.hpp"
+#include "tools/record/box_recorder.hpp"
 
 namespace {
 
