@@ -61,7 +61,10 @@ class Film {
     if (ffmpeg.status !== 0) throw new Error(`ffmpeg: ${ffmpeg.stderr?.toString() ?? ''}`);
   }
 
-  remove(): void { rmSync(this.folder, { recursive: true }); }
+  remove(): void {
+    this.ended = true;
+    rmSync(this.folder, { recursive: true });
+  }
 }
 
 // A screencast shows no pointer: a dot goes where it is. Its style is set by script, which the
