@@ -90,13 +90,18 @@ void RealExecutor<Faults>::watchdog_loop() {
   // drifts over them, would hold up the task. What was slept through is left out.
   const std::int64_t period = options_.watchdog_period.count();
   std::int64_t next = plan_.epoch_host_ns + period / 20;
+  // While this thread, above all tasks, did not run either, the process or its machine stood still:
+  // no job hung. What is still at work then is given its time once more.
+  std::int64_t runs_since = 0;
   while (sleep_until(next)) {
     const std::int64_t now = monotonic_ns();
+    if (now - next > options_.hang_limit.count() / 2) runs_since = now;
     next += period * (1 + std::max<std::int64_t>(0, now - next) / period);
     for (auto& w : workers_) {
       if (w->ended.load(std::memory_order_acquire)) lose_until(*w, now);
       const std::int64_t since = w->busy_since.load(std::memory_order_acquire);
-      const bool hung = since != 0 && now - since > options_.hang_limit.count();
+      const bool hung =
+          since != 0 && now - std::max(since, runs_since) > options_.hang_limit.count();
       if (hung && !w->forced) {
         w->task.body->make_safe();
         hangs_.fetch_add(1);

@@ -126,6 +126,11 @@ void SupervisionTask::count_and_latch(const Conditions& c) noexcept {
   }
 }
 
+bool SupervisionTask::wants_restart(rt::FaultId id) noexcept {
+  const int row = fault_row(id);
+  return row >= 0 && kFaultTable[static_cast<std::size_t>(row)].clear == ClearRule::kRestart;
+}
+
 bool SupervisionTask::link_changed(const In& in) noexcept {
   const bool changed = link_session_ != 0 && in.link_session != link_session_;
   link_session_ = in.link_session;
@@ -250,7 +255,11 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
 }
 
 void SupervisionTask::stop_safely(rt::FaultId cause, rt::Time now) noexcept {
-  if (mode_ == Mode::kSafeStop) return;
+  if (mode_ == Mode::kSafeStop) {
+    // What only a new start ends is told, whatever came first: a clear would be tried in vain.
+    if (wants_restart(cause) && !wants_restart(cause_)) cause_ = cause;
+    return;
+  }
   if (mode_ != Mode::kEngaged && mode_ != Mode::kRampDown) episode_ = {};
   enter(Mode::kSafeStop, cause, now);
   clear_open_ = false;

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "tasks/supervision/fault_ids.hpp"
 #include "tools/desk/desk_words.hpp"
 #include "tools/host/run_options.hpp"
 #include "tools/record/box_recorder.hpp"
@@ -208,6 +209,12 @@ ConsoleAnswer DeskActs::clear(rt::Time now) {
   const auto& seen = console_.seen();
   if (seen.mode.mode != Mode::kSafeStop && static_cast<Mode>(seen.robot.mode) != Mode::kSafeStop)
     return refused("there is no safe stop to clear");
+  for (const rt::FaultId id : {seen.mode.cause, seen.robot.mode_cause}) {
+    const int row = tasks::fault_row(id);
+    if (row >= 0 &&
+        tasks::kFaultTable[static_cast<std::size_t>(row)].clear == tasks::ClearRule::kRestart)
+      return refused("no clear helps: " + fault_text(id) + fault_advice(id));
+  }
   clear_from_ = now;
   box_.graph().requests().clear.store(true);
   console_.count(&OperatorView::clears);

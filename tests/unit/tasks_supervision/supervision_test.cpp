@@ -331,6 +331,22 @@ TEST(Supervision, WatchdogNeedsARestart) {  // F-SUP-09
   EXPECT_EQ(s.mode(), Mode::kSafeStop);
 }
 
+// Else a clear, which the first cause names, is tried in vain.
+TEST(Supervision, WhatWantsARestartIsToldWhateverCameFirst) {
+  Story s;
+  s.engaged();
+  s.in.requests.stop = true;
+  s.run(10ms);
+  EXPECT_EQ(s.out.mode.cause, tasks::kFaultStopRequested);
+  s.in.requests.stop = false;
+  s.in.watchdog_bit = true;
+  s.run(10ms);
+  EXPECT_EQ(s.out.mode.cause, tasks::kFaultWatchdog);
+  s.in.requests.stop = true;
+  s.run(10ms);
+  EXPECT_EQ(s.out.mode.cause, tasks::kFaultWatchdog);
+}
+
 TEST(Supervision, UnknownFaultIsAsSevereAsItSaysAtLeastDegraded) {  // F-SUP-10
   Story s;
   s.engaged();
