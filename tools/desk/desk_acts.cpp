@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "tasks/supervision/fault_ids.hpp"
 #include "tools/desk/desk_words.hpp"
+#include "tools/desk/intents/safe_stop.hpp"
 #include "tools/host/run_options.hpp"
 #include "tools/record/box_recorder.hpp"
 
@@ -41,13 +41,6 @@ bool waits_for_opening(Act act) {
   return act == Act::kEngage || act == Act::kMark || act == Act::kGoTo || act == Act::kDraw ||
          act == Act::kErase || act == Act::kForget || act == Act::kUndo || act == Act::kAccept ||
          act == Act::kUnmark;
-}
-
-// Empty: it is not in a safe stop. In one it follows no engage, whatever this box's mode came from.
-std::string robot_stopped(const OperatorView& seen) {
-  if (static_cast<Mode>(seen.robot.mode) != Mode::kSafeStop) return "";
-  return "the robot's box is in a safe stop, " + fault_text(seen.robot.mode_cause) +
-         ": clear it first";
 }
 
 }  // namespace
@@ -158,10 +151,10 @@ std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at,
     case Mode::kRampDown:
       return refused("ramping down: press again when it holds");
     case Mode::kSafeStop:
-      return refused("a safe stop, " + cause_text(mode.cause, console_.seen().robot) +
-                     ": clear it first");
     case Mode::kHold:
-      if (const std::string why = robot_stopped(console_.seen()); !why.empty()) return refused(why);
+      // In a safe stop the robot's box follows no engage, whatever this box's mode came from.
+      if (const std::string why = safe_stop_refusal(mode, console_.seen().robot); !why.empty())
+        return refused(why);
       break;
   }
   if (waiting_) return refused("asked already");
@@ -188,7 +181,8 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
   if (waiting_) {
     const bool late = now - waiting_->since > kPatience;
     if (engaged || late || !engage_wanted_) {
-      const std::string there = robot_stopped(console_.seen());
+      const std::string there =
+          mode.mode == Mode::kSafeStop ? "" : safe_stop_refusal(mode, console_.seen().robot);
       const std::string why =
           !there.empty() ? there
           : mode.cause != rt::kNoFault
@@ -207,14 +201,8 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
 
 ConsoleAnswer DeskActs::clear(rt::Time now) {
   const auto& seen = console_.seen();
-  if (seen.mode.mode != Mode::kSafeStop && static_cast<Mode>(seen.robot.mode) != Mode::kSafeStop)
-    return refused("there is no safe stop to clear");
-  for (const rt::FaultId id : {seen.mode.cause, seen.robot.mode_cause}) {
-    const int row = tasks::fault_row(id);
-    if (row >= 0 &&
-        tasks::kFaultTable[static_cast<std::size_t>(row)].clear == tasks::ClearRule::kRestart)
-      return refused("no clear helps: " + fault_text(id) + fault_advice(id));
-  }
+  if (const std::string why = clear_refusal(seen.mode, seen.robot); !why.empty())
+    return refused(why);
   clear_from_ = now;
   box_.graph().requests().clear.store(true);
   console_.count(&OperatorView::clears);
