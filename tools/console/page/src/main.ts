@@ -66,7 +66,8 @@ class Page {
   readonly robot = new RobotLayer();
   readonly floor = new FloorLayer();
   readonly things = new ThingsLayer();
-  readonly aimer = new Aimer(this.stage, this.mesh, this.store);
+  readonly aimer = new Aimer(this.stage, this.mesh, this.store,
+    () => this.picture.points.visible);
   readonly hand = new HandLayer(p => this.aimer.below(p));
   readonly selecting = new Selecting(this.acts);
   readonly tools = new Tools(this.acts, this.things, this.aimer, this.selecting,

@@ -4,6 +4,7 @@ import './quantiles';
 import './readers';
 import './held';
 import './picture_age';
+import './picture_hit';
 import './drawing';
 import './picture_shown';
 import './acts';

@@ -3,21 +3,26 @@ import * as THREE from 'three';
 import { Store } from '../wire/store';
 import { Vec3 } from '../wire/types';
 import { MeshLayer } from '../view/mesh_layer';
+import { pictureHit } from '../view/picture_hit';
 import { quaternion } from '../view/shapes';
 import { Stage } from '../view/stage';
 
 export interface Aim {
   ray: THREE.Ray;              // in three.js' frame
-  point: Vec3 | null;          // on the surface or, where there is none, on the floor; W
+  point: Vec3 | null;          // on the surface, as seen now where it has a hole, or on the floor; W
   normal: Vec3;
   floor: Vec3 | null;          // where the ray meets the floor, whatever stands before it
 }
 
 const farthest = 30;  // m
+// What is seen in front of the fused surface by less is noise: a depth camera's grows with the
+// square of the distance.
+const inFront = 0.03, inFrontPerSquare = 0.01;  // m, 1/m
 
 export class Aimer {
+  // `seen`: is the newest picture shown in the room?
   constructor(private readonly stage: Stage, private readonly mesh: MeshLayer,
-    private readonly store: Store) {}
+    private readonly store: Store, private readonly seen: () => boolean) {}
 
   get floorHeight(): number { return this.store.costMap?.origin[2] ?? 0; }
 
@@ -25,8 +30,12 @@ export class Aimer {
 
   along(ray: THREE.Ray): Aim {
     this.stage.world.updateMatrixWorld();
-    const hit = this.mesh.hit(ray);
     const floor = this.floorOn(ray);
+    const fused = this.mesh.hit(ray);
+    const live = this.seen() && this.store.picture && pictureHit(this.store.picture,
+      this.stage.toWorld(ray.origin), this.stage.toWorld(ray.direction));
+    const hit = live && live.distance < (fused?.distance ?? Infinity) - inFront
+      - inFrontPerSquare * live.depth ** 2 ? live : fused;
     return { ray, floor, point: hit?.point ?? floor, normal: hit?.normal ?? [0, 0, 1] };
   }
 
