@@ -184,6 +184,14 @@ test('the robot\'s box stands still for 2 s: its safe stop is told, cleared, and
     await drives();
   });
 
+test('the operator\'s box stands still for 2 s: driven after, by who clears it', async () => {
+  await engages();
+  op.send('SIGSTOP');
+  await page.waitForTimeout(2000);
+  op.send('SIGCONT');
+  await drives();
+});
+
 test('the robot is killed: locked, and said why', async () => {
   await robot.kill('SIGKILL');
   await until('the lock', locked);

@@ -97,7 +97,8 @@ test('to a place by keys: engaged, driven there, held', async () => {
     if (!(await page.textContent('#chips'))!.includes('engaged')) await press('g');
     await page.waitForTimeout(300);
     // Let go by a busy machine, the goal is dropped with the engagement.
-    if ((await slow()).phase === 'idle') await press('Enter');
+    // Where the floor was forgotten too, nothing is planned until it is seen again.
+    if (['idle', 'failed'].includes((await slow()).phase as string)) await press('Enter');
     return await distanceTo([x, y]) < Math.max(0.1, 0.5 * whole);
   }, 120000);
   await press('h');
