@@ -21,4 +21,13 @@ std::vector<T> whole_or(const std::vector<T>& all, std::initializer_list<std::si
   return out;
 }
 
+// All of them, or each n-th.
+template <class T>
+std::vector<T> whole_or_each(const std::vector<T>& all, std::size_t n) {
+  if (whole()) return all;
+  std::vector<T> out;
+  for (std::size_t i = 0; i < all.size(); i += n) out.push_back(all[i]);
+  return out;
+}
+
 }  // namespace tests

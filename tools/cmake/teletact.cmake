@@ -177,7 +177,8 @@ add_custom_target(bytes_tests)
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD]
 # [NO_SANITIZE]
-#               [NEEDS_FAULTS] [COST s] [LONG] [LONG_TESTS pattern...] [ALONE_TESTS pattern...] [WHOLE_TESTS pattern...])
+#               [NEEDS_FAULTS] [COST s] [LONG] [LONG_TESTS pattern...] [ALONE_TESTS pattern...] [WHOLE_TESTS pattern...]
+#               [LATER_TESTS pattern...])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
@@ -193,10 +194,11 @@ add_custom_target(bytes_tests)
 # units), so each is a test of its own with nothing beside it; a sanitizer, under which a CPU time
 # is not the product's, runs them with the others. WHOLE_TESTS: tests that take few of their samples
 # (tests/support/whole.hpp); <name>.whole runs them with all, by tools/test --all, that is ctest -C
-# all, and by no other.
+# all, and by no other. LATER_TESTS: tests that only <name>.whole runs: further cases of what another
+# test holds, each with minutes of its own.
 function(teletact_test name)
   cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;LONG" "TIMEOUT;COST"
-    "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS;WHOLE_TESTS"
+    "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS;WHOLE_TESTS;LATER_TESTS"
     ${ARGN})
   if(A_NEEDS_FAULTS AND NOT TELETACT_FAULTS)
     return()
@@ -206,9 +208,19 @@ function(teletact_test name)
   # At -O1 they take a third less to compile. What they test is in the libraries; a test that counts
   # or times what is in headers has that compiled as the product has it.
   set(kind timed_tests)
+  set(header precompiled)
+  set(below)
   if(TELETACT_PRECOMPILE AND NOT "timing" IN_LIST A_LABELS AND NOT A_ALONE_TESTS)
     set(kind tests)
     set_target_properties(test_${name} PROPERTIES TELETACT_TEST_CODE ON)
+    # Most files of these read the graph of a box, which takes GCC 8 s.
+    foreach(above program tool_host tool_desk tasks_graph)
+      if(above IN_LIST A_DEPS)
+        set(kind graph_tests)
+        set(header precompiled_graph)
+        set(below teletact_program)
+      endif()
+    endforeach()
   endif()
   target_link_libraries(test_${name} PRIVATE teletact_options GTest::gtest_main GTest::gmock
     ${A_PACKAGES})
@@ -217,7 +229,8 @@ function(teletact_test name)
   endforeach()
   target_compile_definitions(test_${name} PRIVATE
     TELETACT_SOURCE_DIR="${PROJECT_SOURCE_DIR}" TELETACT_BINARY_DIR="${PROJECT_BINARY_DIR}")
-  teletact_precompiled(test_${name} ${kind} tests/support/precompiled.hpp PACKAGES GTest::gtest_main GTest::gmock)
+  teletact_precompiled(test_${name} ${kind} tests/support/${header}.hpp
+    PACKAGES GTest::gtest_main GTest::gmock ${below})
   if(NOT A_NO_GUARD AND NOT TELETACT_SANITIZE AND TARGET teletact_rt_guard)
     target_link_libraries(test_${name} PRIVATE teletact_rt_guard)
   endif()
@@ -239,7 +252,7 @@ function(teletact_test name)
   if(TELETACT_SANITIZE)
     set(without ${A_LONG_TESTS})
   else()
-    set(without ${A_ALONE_TESTS})
+    set(without ${A_ALONE_TESTS} ${A_LATER_TESTS})
     foreach(pattern ${A_ALONE_TESTS})
       add_test(NAME ${name}.${pattern} COMMAND test_${name} --gtest_filter=${pattern})
       set_tests_properties(${name}.${pattern} PROPERTIES TIMEOUT ${A_TIMEOUT} LABELS "${labels}"
@@ -264,10 +277,13 @@ function(teletact_test name)
   if(A_COST)
     set_tests_properties(${name} PROPERTIES COST ${A_COST})
   endif()
-  if(A_WHOLE_TESTS AND NOT TELETACT_SANITIZE)
-    string(JOIN ":" filter ${A_WHOLE_TESTS})
+  if((A_WHOLE_TESTS OR A_LATER_TESTS) AND NOT TELETACT_SANITIZE)
+    string(JOIN ":" filter ${A_WHOLE_TESTS} ${A_LATER_TESTS})
     add_test(NAME ${name}.whole COMMAND test_${name} --gtest_filter=${filter} CONFIGURATIONS all)
     set_tests_properties(${name}.whole PROPERTIES TIMEOUT 1800 COST 1000 LABELS "${labels}"
       ENVIRONMENT TELETACT_WHOLE=1 FAIL_REGULAR_EXPRESSION "Running 0 tests")
+    if("timing" IN_LIST labels)
+      set_tests_properties(${name}.whole PROPERTIES RUN_SERIAL TRUE)
+    endif()
   endif()
 endfunction()

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "rt/effect_count.hpp"
+#include "tests/support/whole.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
 #include "tools/host/calibrate.hpp"
 #include "tools/host/effect_costs.hpp"
@@ -124,6 +125,7 @@ TEST(Executed, EveryEffectOfTheCatalogueIsCounted) {
   EXPECT_EQ(names.size(), rt::kEffects);
 }
 
+// Of each the start; until it touches and drives: few of them in every run (tests::whole).
 TEST(Executed, OfEveryShippedSceneOnlyWhatItAsksFor) {
   int scenes = 0, touched = 0, driven = 0;
   for (const auto& entry :
@@ -143,6 +145,7 @@ TEST(Executed, OfEveryShippedSceneOnlyWhatItAsksFor) {
     Until until = until_touched(*scene);
     // Without images there is nothing to touch in them.
     if (name.find("recording") != std::string::npos && scene->rgbd_dir.empty()) until = {};
+    if (!tests::whole() && name != "default_room" && name != "arm") until = {};
     const Counted c = count(*scene, until.seconds);
     std::printf("  %-14s %4.1f s: %lld ms in contact, %.2f m\n", name.c_str(), until.seconds,
                 static_cast<long long>(c.in_contact), c.way_m);
@@ -160,8 +163,8 @@ TEST(Executed, OfEveryShippedSceneOnlyWhatItAsksFor) {
     driven += until.drives;
   }
   EXPECT_GE(scenes, 8);
-  EXPECT_GE(touched, 5);
-  EXPECT_GE(driven, 5);
+  EXPECT_GE(touched, tests::whole() ? 5 : 2);
+  EXPECT_GE(driven, tests::whole() ? 5 : 1);
 }
 
 // Until the hand touches and the base drives: all that is asked for, and nothing else.
