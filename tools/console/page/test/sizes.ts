@@ -5,8 +5,10 @@ import { Browser } from 'playwright-core';
 import { browser, twin } from './bench';
 import { Desk, until } from './browser';
 
-const sizes: [number, number, boolean][] = [[390, 844, true], [360, 640, true], [768, 1024, true],
+const all: [number, number, boolean][] = [[390, 844, true], [360, 640, true], [768, 1024, true],
   [1024, 768, true], [1280, 720, false]];
+// Each second one in every run, all of them where TELETACT_WHOLE is set (tools/test --all).
+const sizes = all.filter((_, i) => process.env.TELETACT_WHOLE || i % 2 === 0);
 const panels = ['#steps', '#inset', '#options', '#pad', '#looks'];
 const tools = ['Look', 'Touch', 'Mark', 'Object', 'Keep-out', 'Go to', 'Forget'];
 

@@ -9,7 +9,7 @@ import { Stage } from '../view/stage';
 
 export interface Aim {
   ray: THREE.Ray;              // in three.js' frame
-  point: Vec3 | null;          // on the surface, as seen now where it has a hole, or on the floor; W
+  point: Vec3 | null;          // on the surface, in the live picture, or on the floor; W
   normal: Vec3;
   floor: Vec3 | null;          // where the ray meets the floor, whatever stands before it
 }
