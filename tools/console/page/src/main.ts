@@ -66,8 +66,9 @@ class Page {
   readonly robot = new RobotLayer();
   readonly floor = new FloorLayer();
   readonly things = new ThingsLayer();
-  readonly aimer = new Aimer(this.stage, this.mesh, this.store,
-    () => this.picture.points.visible);
+  readonly aimer: Aimer = new Aimer(this.stage, this.mesh, this.store,
+    (): boolean => this.picture.points.visible && this.store.standing.stands
+      && this.store.pose?.cameraClaimed === true && this.inset.state !== 'frozen');
   readonly hand = new HandLayer(p => this.aimer.below(p));
   readonly selecting = new Selecting(this.acts);
   readonly tools = new Tools(this.acts, this.things, this.aimer, this.selecting,

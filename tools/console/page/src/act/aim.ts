@@ -11,6 +11,7 @@ export interface Aim {
   ray: THREE.Ray;              // in three.js' frame
   point: Vec3 | null;          // on the surface, in the live picture, or on the floor; W
   normal: Vec3;
+  live: boolean;               // by the live picture alone: the surface has nothing there
   floor: Vec3 | null;          // where the ray meets the floor, whatever stands before it
 }
 
@@ -20,7 +21,7 @@ const farthest = 30;  // m
 const inFront = 0.03, inFrontPerSquare = 0.01;  // m, 1/m
 
 export class Aimer {
-  // `seen`: is the newest picture shown in the room?
+  // `seen`: is the newest picture shown in the room, and where it belongs?
   constructor(private readonly stage: Stage, private readonly mesh: MeshLayer,
     private readonly store: Store, private readonly seen: () => boolean) {}
 
@@ -32,11 +33,13 @@ export class Aimer {
     this.stage.world.updateMatrixWorld();
     const floor = this.floorOn(ray);
     const fused = this.mesh.hit(ray);
-    const live = this.seen() && this.store.picture && pictureHit(this.store.picture,
+    const shown = this.seen() && this.store.picture && pictureHit(this.store.picture,
       this.stage.toWorld(ray.origin), this.stage.toWorld(ray.direction));
-    const hit = live && live.distance < (fused?.distance ?? Infinity) - inFront
-      - inFrontPerSquare * live.depth ** 2 ? live : fused;
-    return { ray, floor, point: hit?.point ?? floor, normal: hit?.normal ?? [0, 0, 1] };
+    const live = !!shown && shown.distance < (fused?.distance ?? Infinity) - inFront
+      - inFrontPerSquare * shown.depth ** 2;
+    const hit = live ? shown : fused;
+    return { ray, floor, point: hit?.point ?? floor, normal: hit?.normal ?? [0, 0, 1],
+      live };
   }
 
   // The height of the surface below a point.

@@ -1,6 +1,7 @@
 // An object by clicks: the box proposes a mask, further clicks add to it or take away, and only
 // what was seen is accepted.
 import { Selection } from '../wire/types';
+import { moved } from '../wire/standing';
 import { Acts } from './acts';
 
 export interface Click { u: number; v: number; sign: 1 | -1 }
@@ -11,6 +12,7 @@ export class Selecting {
   clicks: Click[] = [];
   size: number[] | null = null;  // m, of what is proposed
   onChange: () => void = () => {};
+  private camera: number[] | null = null;  // of the picture of the first click
 
   constructor(private readonly acts: Acts) {
     acts.store.on('selection', selection => {
@@ -29,6 +31,13 @@ export class Selecting {
     const first = this.clicks.length === 0;
     if (first && sign < 0) {
       this.acts.say('The first click chooses; later ones can take away.', 'refused');
+      return;
+    }
+    // The box keeps the picture of the first click: further ones are places in that one.
+    const { picture } = this.acts.store;
+    if (first) this.camera = picture?.camera ?? null;
+    else if (this.camera && picture && moved(this.camera, picture.camera)) {
+      this.acts.say('The camera has moved since the first click: choose it again.', 'refused');
       return;
     }
     const click: Click = { u, v, sign };

@@ -4,6 +4,7 @@ import {
   headBytes, readCostMap, readHead, readJson, readMesh, readMoving, readPicture, readPose,
   readSelection,
 } from './decode';
+import { Standing } from './standing';
 import {
   Answer, CostMap, Head, Kind, MeshDelta, Picture, Pose, Selection, Slow,
 } from './types';
@@ -36,6 +37,7 @@ export class Store {
   slow: Slow = {};
   pose: Pose | null = null;
   picture: Picture | null = null;
+  readonly standing = new Standing();  // the camera of the pictures
   costMap: CostMap | null = null;
   moving: [number, number][] = [];
   selection: Selection | null = null;
@@ -82,6 +84,8 @@ export class Store {
   reconnected(): void {
     this.clock.forget();
     this.heads = new WeakSet();
+    this.picture = null;
+    this.standing.forget();
   }
 
   // Seconds since a picture was exposed, at most: how old it was for the box when it was sent, and
@@ -120,6 +124,7 @@ export class Store {
         break;
       case Kind.picture:
         this.picture = readPicture(bytes);
+        this.standing.take(this.picture.camera, head.data);
         this.say('picture', this.picture, head);
         break;
       case Kind.costMap:
