@@ -82,7 +82,7 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
       engage_wanted_ = false;
       return done();
     case Act::kClear:
-      return clear(now);
+      return clear(item, now);
     case Act::kMark:
       return mark(in, now);
     case Act::kUnmark:
@@ -160,7 +160,7 @@ std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at,
   if (waiting_) return refused("asked already");
   engage_wanted_ = true;
   engaged_seen_ = false;
-  waiting_ = WaitingEngage{item.session, item.id, now};
+  waiting_ = Waiting{item.session, item.id, now};
   console_.count(&OperatorView::engages);
   return std::nullopt;
 }
@@ -199,22 +199,40 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
       static_cast<int>(engage_wanted_ ? Engage::kYes : Engage::kNo));
 }
 
-ConsoleAnswer DeskActs::clear(rt::Time now) {
+std::optional<ConsoleAnswer> DeskActs::clear(const DeskItem& item, rt::Time now) {
   const auto& seen = console_.seen();
   if (const std::string why = clear_refusal(seen.mode, seen.robot); !why.empty())
     return refused(why);
+  if (clear_waits_) return refused("asked already");
   clear_from_ = now;
   box_.graph().requests().clear.store(true);
-  console_.count(&OperatorView::clears);
-  events_.add(now, "clear", "safe stop cleared by the operator");
-  return done();
+  clear_waits_ = Waiting{item.session, item.id, now};
+  return std::nullopt;
 }
 
-// Pressed for so long: the robot's motors and encoders need time to let go.
-void DeskActs::keep_clear(rt::Time now) {
-  constexpr rt::Nanos kPress = std::chrono::milliseconds{500};
+// Pressed for so long: the robot's motors and encoders need time to let go. Answered when both
+// boxes have been out of their safe stop for a while: a cause that lasts puts them back at once.
+void DeskActs::keep_clear(rt::Time now, const Answer& answer) {
+  using std::chrono::milliseconds;
+  constexpr rt::Nanos kPress = milliseconds{500}, kOut = milliseconds{300},
+                      kPatience = milliseconds{2000};
   auto& button = box_.graph().requests().clear;
   if (button.load() && now - clear_from_ >= kPress) button.store(false);
+  if (!clear_waits_) return;
+  const auto& seen = console_.seen();
+  const std::string still = still_stopped(seen.mode, seen.robot);
+  if (!still.empty()) clear_out_.reset();
+  if (still.empty() && !clear_out_) clear_out_ = now;
+  const bool cleared = clear_out_ && now - *clear_out_ >= kOut;
+  if (!cleared && now - clear_waits_->since <= kPatience) return;
+  if (cleared) {
+    console_.count(&OperatorView::clears);
+    events_.add(now, "clear", "safe stop cleared by the operator");
+  }
+  answer(clear_waits_->session, clear_waits_->id,
+         cleared ? done() : refused(still.empty() ? "it lasts no longer than a moment" : still));
+  clear_waits_.reset();
+  clear_out_.reset();
 }
 
 void DeskActs::stop() noexcept {
@@ -388,7 +406,7 @@ void DeskActs::keep(rt::Time now, const Answer& answer) {
   keep_drive(now);
   watch_keep_outs(now);
   keep_hand(now);
-  keep_clear(now);
+  keep_clear(now, answer);
   keep_objects(now, answer);
   keep_sessions(now, answer);
   steps_.touch = steps_.touch || (!seen.haptic.empty() && seen.haptic.back().in_contact);

@@ -111,14 +111,15 @@ class DeskActs {
     std::uint64_t mark = 0;        // whose goal is the newest of them; 0: a place, or it is dropped
     std::uint64_t hand_marks = 0;  // when the newest act asked: each later one has the goal now
   };
-  struct WaitingEngage {
+  // An act that is answered when the boxes have followed it, or did not in time.
+  struct Waiting {
     std::uint32_t session = 0;
     std::int64_t id = 0;
     rt::Time since{};
   };
   [[nodiscard]] std::optional<ConsoleAnswer> engage(const DeskItem& item, rt::Time at,
                                                     rt::Time now);
-  [[nodiscard]] ConsoleAnswer clear(rt::Time now);
+  [[nodiscard]] std::optional<ConsoleAnswer> clear(const DeskItem& item, rt::Time now);
   [[nodiscard]] ConsoleAnswer mark(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer unmark(std::uint64_t id, rt::Time now);
   [[nodiscard]] ConsoleAnswer go_to(const Intent& in, rt::Time now);
@@ -147,7 +148,7 @@ class DeskActs {
   void keep_drive(rt::Time now);
   void watch_keep_outs(rt::Time now);
   void keep_hand(rt::Time now);
-  void keep_clear(rt::Time now);
+  void keep_clear(rt::Time now, const Answer& answer);
   void keep_objects(rt::Time now, const Answer& answer);
   [[nodiscard]] SavedSession to_save() const;
   void keep_sessions(rt::Time now, const Answer& answer);
@@ -160,7 +161,8 @@ class DeskActs {
   Hold engage_hold_, drive_hold_;
   Touching touching_;
   bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false;
-  std::optional<WaitingEngage> waiting_;
+  std::optional<Waiting> waiting_, clear_waits_;
+  std::optional<rt::Time> clear_out_;  // since when no box is in a safe stop
   Intent drive_;
   rt::Time drive_at_{}, clear_from_{}, stop_from_{};
   std::uint64_t drive_press_ = 0;  // of the hold, whose goal was dropped

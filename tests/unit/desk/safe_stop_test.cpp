@@ -11,6 +11,7 @@ namespace {
 using tasks::Mode;
 using teletact::clear_refusal;
 using teletact::safe_stop_refusal;
+using teletact::still_stopped;
 using teletact::wants_restart;
 using testing::EndsWith;
 using testing::HasSubstr;
@@ -65,6 +66,27 @@ TEST(SafeStop, OfEveryFaultTheClearIsTriedWhereTheEngageAsksForIt) {
     }
   }
   EXPECT_GE(restarts, 3);
+}
+
+// A clear that changed nothing says which box is still stopped, by what, and what to do.
+TEST(SafeStop, AClearThatChangedNothingIsTold) {
+  const auto estop = tasks::kFaultEstop;
+  EXPECT_EQ(still_stopped(here(Mode::kHold), there(Mode::kHold)), "");
+  EXPECT_EQ(still_stopped(here(Mode::kHold), there(Mode::kSafeStop, estop)),
+            "the robot's box is still in a safe stop, " + teletact::fault_text(estop) +
+                teletact::fault_advice(estop));
+  EXPECT_EQ(still_stopped(here(Mode::kSafeStop, estop), there(Mode::kHold)),
+            "still in a safe stop, " + teletact::fault_text(estop) + teletact::fault_advice(estop));
+}
+
+// Two causes of their own: the one that no clear ends is named, and its advice is the one given.
+TEST(SafeStop, ARestartThatTheOtherBoxWantsIsNamed) {
+  const auto mode = here(Mode::kSafeStop, tasks::kFaultEstop);
+  const auto robot = there(Mode::kSafeStop, tasks::kFaultWatchdog);
+  const std::string text = safe_stop_refusal(mode, robot);
+  EXPECT_THAT(text, StartsWith("a safe stop, F-SUP-01"));
+  EXPECT_THAT(text, EndsWith(", and at the robot " + teletact::fault_text(tasks::kFaultWatchdog) +
+                             teletact::fault_advice(tasks::kFaultWatchdog)));
 }
 
 // The operator's box followed the robot's, whose own cause is what wants the restart.

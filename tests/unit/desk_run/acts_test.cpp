@@ -329,7 +329,7 @@ TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
   p.viewers = 1;
   json stopped, after;
   std::string line;
-  std::int64_t first = 0, second = 0;
+  std::int64_t first = 0, cleared = 0, second = 0;
   p.act = [&](double t) {
     if (p.once("look", t, 2.8)) stopped = json::parse(p.text), line = p.status_line();
     if (p.once("press", t, 3.0)) {
@@ -337,7 +337,7 @@ TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
       first = p.say({{"act", "engage"}});
     }
     if (p.once("let go", t, 3.2)) p.holds = json::array();
-    if (p.once("clear", t, 3.4)) p.say({{"act", "clear"}});
+    if (p.once("clear", t, 3.4)) cleared = p.say({{"act", "clear"}});
     if (p.once("press again", t, 5.0)) {
       p.holds = json::array({"engage"});
       second = p.say({{"act", "engage"}});
@@ -355,9 +355,33 @@ TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
   EXPECT_FALSE(p.answers.at(first).ok);
   EXPECT_EQ(p.answers.at(first).why,
             "the robot's box is in a safe stop, " + cause + ": clear it first");
+  EXPECT_TRUE(p.answers.at(cleared).ok) << p.answers.at(cleared).why;
+  EXPECT_THAT(told(p, "clear"), HasSubstr("safe stop cleared by the operator"));
   EXPECT_TRUE(p.answers.at(second).ok) << p.answers.at(second).why;
   EXPECT_EQ(after.value("mode", ""), "engaged");
   EXPECT_FALSE(after.contains("robot_cause"));
+}
+
+// A clear while the cause lasts is no success, and says what is still there.
+TEST(DeskRun, AClearThatEndsNothingIsRefused) {
+  auto s = desk_run::scene();
+  DemoOptions options;
+  options.fault_plan = (desk_run::folder() / "lasting.toml").string();
+  std::ofstream plan(options.fault_plan);
+  plan << "name = 'lasting'\npurpose = 'the hand is gone'\n"
+          "[[fault]]\nkind = 'dead_thread'\ntarget = 'haptic'\nfirst = 1500\n";
+  plan.close();
+  Person p;
+  p.viewers = 1;
+  std::int64_t id = 0;
+  p.act = [&](double t) {
+    if (p.once("clear", t, 2.8)) id = p.say({{"act", "clear"}});
+  };
+  static_cast<void>(desk_run::run(*s, 5.2, p, options));
+  EXPECT_FALSE(p.answers.at(id).ok);
+  EXPECT_THAT(p.answers.at(id).why, HasSubstr("still in a safe stop, F-"));
+  EXPECT_THAT(p.answers.at(id).why, HasSubstr("; to do: "));
+  EXPECT_EQ(told(p, "clear"), "");
 }
 
 }  // namespace

@@ -35,7 +35,11 @@ std::string safe_stop_refusal(const tasks::ModeMsg& mode, const drivers::RobotSt
   else
     return text;
   const rt::FaultId restart = wants_restart(mode, robot);
-  return text + (restart == rt::kNoFault ? ": clear it first" : fault_advice(restart));
+  if (restart == rt::kNoFault) return text + ": clear it first";
+  // It may be the other box's, behind a cause of this one that a clear would end.
+  if (text.find(fault_text(restart)) == std::string::npos)
+    text += ", and at the robot " + fault_text(restart);
+  return text + fault_advice(restart);
 }
 
 std::string clear_refusal(const tasks::ModeMsg& mode, const drivers::RobotState& robot) {
@@ -44,6 +48,15 @@ std::string clear_refusal(const tasks::ModeMsg& mode, const drivers::RobotState&
   const rt::FaultId restart = wants_restart(mode, robot);
   if (restart == rt::kNoFault) return {};
   return "no clear helps: " + fault_text(restart) + fault_advice(restart);
+}
+
+std::string still_stopped(const tasks::ModeMsg& mode, const drivers::RobotState& robot) {
+  if (mode.mode == Mode::kSafeStop)
+    return "still in a safe stop, " + cause_text(mode.cause, robot) + fault_advice(mode.cause);
+  if (robot_stopped(robot))
+    return "the robot's box is still in a safe stop, " + fault_text(robot.mode_cause) +
+           fault_advice(robot.mode_cause);
+  return {};
 }
 
 }  // namespace teletact

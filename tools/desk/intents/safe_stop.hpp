@@ -20,4 +20,8 @@ namespace teletact {
 [[nodiscard]] std::string clear_refusal(const tasks::ModeMsg& mode,
                                         const drivers::RobotState& robot);
 
+// What a clear has not ended, and what to do. Empty: no box is in a safe stop any more.
+[[nodiscard]] std::string still_stopped(const tasks::ModeMsg& mode,
+                                        const drivers::RobotState& robot);
+
 }  // namespace teletact
