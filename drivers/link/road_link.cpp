@@ -206,6 +206,7 @@ void RoadLink::run() {
     if (after_poll_) after_poll_();
   }
   if (up_ && !cut_.load()) {
+    to_control_ = true;  // behind whatever it has not taken yet
     endpoint_->send_bye(now_(), [this](std::span<const std::uint8_t> m) { send(m, true); });
     for (int i = 0; i < kPollsForBye && up_ && (!delayed_.empty() || !road_->control_free()); ++i) {
       road_->run_for(kPoll);

@@ -136,6 +136,7 @@ void Road::Impl::look_at_pace(std::int64_t now_ns) {
     if (now.round_trip - now.least_round_trip < RoadPace::kTooLong)
       begin_congestion_anew((*c)->fd());
   }
+  last_congestion = congestion_of(bulk->fd());
 }
 
 void Road::Impl::session_up() {

@@ -106,7 +106,8 @@ std::string RoadTrust::check_self(const Own& own) const {
     return "expired on " + day_of(own.self.valid_until_s) + " (it is taken to be " +
            day_of(judged_at_s()) + "): teletact keys renew";
   }
-  if (is_revoked(*list_, *own.certificate)) return "revoked: teletact keys issue makes another one";
+  if (is_revoked(*list_, *own.certificate))
+    return "revoked: teletact keys renew NAME --new-key makes another one";
   return {};
 }
 

@@ -28,7 +28,8 @@ std::vector<DoctorCheck> run_doctor(const std::string& root) {
           gpio_chips(tree),
           raw_frames(tree),
           coalescing(tree, cards),
-          interrupt_threads(tree)};
+          interrupt_threads(tree),
+          congestion(tree)};
 }
 
 DoctorCheck::Level doctor_verdict(const std::vector<DoctorCheck>& checks) {

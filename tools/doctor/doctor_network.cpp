@@ -150,4 +150,27 @@ DoctorCheck interrupt_threads(const Tree& tree) {
   return c;
 }
 
+DoctorCheck congestion(const Tree& tree) {
+  DoctorCheck c{"congestion",
+                "congestion control",
+                Level::kAdvice,
+                "",
+                "without BBR a few lost packets on a long road make pictures and commands late",
+                ""};
+  const auto file = tree.text("/proc/sys/net/ipv4/tcp_available_congestion_control");
+  const std::string names = one_line(file.value_or(""));
+  std::istringstream words(names);
+  for (std::string name; words >> name;) {
+    if (name != "bbr") continue;
+    c.level = Level::kFine;
+    c.state = "BBR is there";
+    return c;
+  }
+  c.state = names.empty() ? "the kernel does not tell" : names + ", no BBR";
+  c.todo =
+      "load it: modprobe tcp_bbr, and at each start by config/systemd/teletact.modules.conf "
+      "in /etc/modules-load.d (a box without rights can not load it)";
+  return c;
+}
+
 }  // namespace teletact::doctor

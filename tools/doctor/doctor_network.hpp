@@ -1,4 +1,4 @@
-// Checks of what an EtherCAT bus and safety lines need of the box.
+// Checks of what an EtherCAT bus, safety lines and the link need of the box.
 #pragma once
 
 #include <cstdint>
@@ -22,5 +22,7 @@ using ModerationReader = std::function<std::optional<Moderation>(const std::stri
 [[nodiscard]] DoctorCheck raw_frames(const Tree& tree);
 [[nodiscard]] DoctorCheck coalescing(const Tree& tree, const ModerationReader& read);
 [[nodiscard]] DoctorCheck interrupt_threads(const Tree& tree);
+// Of the link between two boxes.
+[[nodiscard]] DoctorCheck congestion(const Tree& tree);
 
 }  // namespace teletact::doctor

@@ -179,18 +179,30 @@ rt::Result<int> KeyLab::revoke(const std::string& name, std::int64_t now_s) {
     revoked.push_back({row.box.serial, now_s});
   }
   if (known == 0) return rt::Error{"name '" + name + "': no certificate was issued for it"};
-  if (added == 0) return 0;
-  auto made = make_revoked(*ca_, *ca_key_, revoked, drivers::revoked_number(*list_) + 1, now_s);
-  if (!made) return rt::Error{made.error()};
-  const std::string text = pem_of(*made.value());
-  if (auto ok = replace_key_file(folder_ + "/ca.crl", text); !ok) return rt::Error{ok.error()};
-  list_ = std::move(made).value();
-  std::error_code failed;
-  for (const auto& box : fs::directory_iterator(folder_ + "/boxes", failed)) {
-    if (auto ok = replace_key_file(box.path().string() + "/ca.crl", text); !ok)
+  if (added > 0) {
+    auto made = make_revoked(*ca_, *ca_key_, revoked, drivers::revoked_number(*list_) + 1, now_s);
+    if (!made) return rt::Error{made.error()};
+    if (auto ok = replace_key_file(folder_ + "/ca.crl", pem_of(*made.value())); !ok)
       return rt::Error{ok.error()};
+    list_ = std::move(made).value();
   }
+  if (auto ok = hand_out_list(); !ok) return rt::Error{ok.error()};
   return added;
+}
+
+// To the folder of each box, also when nobody is revoked anew: a call before may have failed half
+// way. One that can not be written keeps none of the others from it.
+rt::Result<bool> KeyLab::hand_out_list() {
+  const std::string text = pem_of(*list_);
+  std::string failed;
+  std::error_code error;
+  for (const auto& box : fs::directory_iterator(folder_ + "/boxes", error)) {
+    if (!box.is_directory(error)) continue;
+    if (auto ok = replace_key_file(box.path().string() + "/ca.crl", text); !ok)
+      failed += (failed.empty() ? "" : "; ") + ok.error();
+  }
+  if (!failed.empty()) return rt::Error{failed + "; revoke again when that is mended"};
+  return true;
 }
 
 }  // namespace teletact

@@ -40,7 +40,8 @@ class KeyLab {
   // Another certificate for the same key, so that who has pinned it goes on; or for a new key.
   [[nodiscard]] rt::Result<std::string> renew(const std::string& name, int days, bool new_key,
                                               std::int64_t now_s);
-  // Every certificate of that name. How many were revoked that were not before.
+  // Every certificate of that name. How many were revoked that were not before. The list goes to
+  // each box's folder each time: after an error, again.
   [[nodiscard]] rt::Result<int> revoke(const std::string& name, std::int64_t now_s);
   [[nodiscard]] rt::Result<std::vector<IssuedRow>> list() const;
   [[nodiscard]] std::int64_t ca_until_s() const;
@@ -48,6 +49,7 @@ class KeyLab {
   static constexpr int kDaysCa = 3650, kDaysBox = 365, kMostDays = 7300;
 
  private:
+  [[nodiscard]] rt::Result<bool> hand_out_list();
   KeyLab() = default;
   [[nodiscard]] rt::Result<bool> certify(rt::Box role, const std::string& name, int days,
                                          EVP_PKEY& key, std::int64_t now_s);

@@ -325,4 +325,23 @@ TEST(PageShare, IsAskedForOnceAndOfTheOperatorsBoxAlone) {
   }
 }
 
+// The whole link on two cores: the codec of depth, H.264 and two boxes in one host leave room for
+// voxels of 20 mm. What they take is declared, and more than a plain link.
+TEST(LinkShare, WithBothCodecsTheDemoIsAdmittedAt20MmOnTwoCores) {
+  const auto link = [](const std::vector<std::string>& keys) {
+    return teletact::load_scene(teletact::find_config("scenes", "default_room"), keys);
+  };
+  const auto plain = link({});
+  const auto coded = link({"link.depth_codec=\"auto\"", "link.colour_codec=\"h264\""});
+  const auto calibration = teletact::reference_calibration();
+  for (const bool page : {false, true}) {
+    const auto shares = teletact::declared_shares(*coded, calibration, page);
+    const auto plan = teletact::admit_host(*coded, calibration, {0, 1}, shares);
+    EXPECT_EQ(plan.refusal, "") << page;
+    EXPECT_TRUE(plan.admission.admitted) << page;
+    EXPECT_DOUBLE_EQ(plan.voxel_m, 0.02) << page;
+  }
+  EXPECT_GT(teletact::declared_link_share(*coded), teletact::declared_link_share(*plain));
+}
+
 }  // namespace

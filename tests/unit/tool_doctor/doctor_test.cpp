@@ -60,6 +60,7 @@ class Machine {
     put(clock() + "available_clocksource", "tsc hpet acpi_pm");
     put("/proc/sys/kernel/sched_rt_runtime_us", "950000");
     put("/proc/sys/kernel/sched_rt_period_us", "1000000");
+    put("/proc/sys/net/ipv4/tcp_available_congestion_control", "reno cubic bbr");
     put("/proc/cpuinfo", "processor\t: 0\nflags\t\t: fpu vme avx2\n");
   }
   ~Machine() { fs::remove_all(root_); }
@@ -112,7 +113,7 @@ TEST(CpuList, AsTheKernelWritesThem) {
 TEST(Doctor, AFitMachineIsFine) {
   const Machine m;
   const auto checks = teletact::run_doctor(m.root());
-  EXPECT_EQ(checks.size(), 18U);
+  EXPECT_EQ(checks.size(), 19U);
   for (const auto& c : checks) EXPECT_EQ(m.level(c.id), Level::kFine) << c.id << ": " << c.state;
   EXPECT_EQ(teletact::doctor_verdict(checks), Level::kFine);
 }
@@ -300,6 +301,19 @@ TEST(Doctor, RawFrames) {
   EXPECT_EQ(m.level("raw_frames"), Level::kFine);
 }
 
+TEST(Doctor, Congestion) {
+  Machine m;
+  const std::string file = "/proc/sys/net/ipv4/tcp_available_congestion_control";
+  m.put(file, "bbr reno");
+  EXPECT_EQ(m.level("congestion"), Level::kFine);
+  m.put(file, "reno cubic bbr2");
+  EXPECT_EQ(m.level("congestion"), Level::kAdvice);
+  EXPECT_THAT(m.check("congestion").state, HasSubstr("reno cubic bbr2, no BBR"));
+  EXPECT_THAT(m.check("congestion").todo, HasSubstr("modprobe tcp_bbr"));
+  m.remove(file);
+  EXPECT_EQ(m.level("congestion"), Level::kAdvice);
+}
+
 TEST(Doctor, Coalescing) {
   using teletact::doctor::Moderation;
   Machine m;
@@ -359,7 +373,7 @@ TEST(Doctor, InterruptThreads) {
 // Files that are missing, empty, huge, folders or noise: a finding each, never a crash.
 TEST(Doctor, SurvivesAnyTree) {
   const auto empty = teletact::run_doctor("/nonexistent");
-  EXPECT_EQ(empty.size(), 18U);
+  EXPECT_EQ(empty.size(), 19U);
   EXPECT_EQ(teletact::doctor_verdict(empty), Level::kUnfit);
   const std::uint64_t seed = 31;
   rt::Random r(seed);
@@ -409,7 +423,7 @@ TEST(Command, ExitCodeBySeverityAndJson) {
   std::ifstream in(json);
   const auto j = nlohmann::json::parse(in);
   EXPECT_EQ(j.at("command"), "doctor");
-  EXPECT_EQ(j.at("checks").size(), 18U);
+  EXPECT_EQ(j.at("checks").size(), 19U);
   EXPECT_EQ(j.at("metrics").at(0).at("name"), "doctor.verdict");
   EXPECT_EQ(j.at("metrics").at(0).at("value"), 1);
   m.limits("0", "0");

@@ -161,6 +161,19 @@ TEST_F(Keys, RevokeTakesEveryCertificateOfTheNameAndReachesEveryBox) {
   ASSERT_TRUE(again);
   EXPECT_EQ(again.value(), 0);
   EXPECT_EQ(number(at_ + "/ca.crl"), 2) << "nothing new, no new list";
+
+  // What failed half way is made good by the next call.
+  const std::string old = text(bob + "/ca.crl");
+  std::ofstream(at_ + "/boxes/stray") << "no folder of a box";
+  std::filesystem::remove(bob + "/ca.crl");
+  std::filesystem::create_directory(bob + "/ca.crl");
+  const auto half = lab().revoke("ada", now_);
+  ASSERT_FALSE(half);
+  EXPECT_THAT(half.error(), HasSubstr(bob + "/ca.crl"));
+  std::filesystem::remove(bob + "/ca.crl");
+  const auto whole = lab().revoke("ada", now_);
+  ASSERT_TRUE(whole) << whole.error();
+  EXPECT_EQ(text(bob + "/ca.crl"), old);
   const auto same_key = lab().renew("ada", 365, false, now_);
   ASSERT_FALSE(same_key);
   EXPECT_THAT(same_key.error(), HasSubstr("is revoked; --new-key"));
