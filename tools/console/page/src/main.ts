@@ -107,7 +107,6 @@ class Page {
   constructor() {
     this.stage.world.add(this.mesh.group, this.picture.points, this.robot.group, this.floor.group,
       this.hand.group, this.things.group);
-    this.picture.points.visible = true;
     this.showTab = tabs({ Scene: this.lists.pane, Health: this.health.pane,
       Timeline: this.timeline.pane, Session: this.session.pane });
     fillHelp();

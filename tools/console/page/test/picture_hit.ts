@@ -130,7 +130,10 @@ test('the camera stands when its pictures have been of one place for long enough
   const standing = new Standing();
   assert.equal(standing.stands, false);
   let t = 10;
-  for (let i = 0; i < 8; ++i) standing.take(at(0.002 * (i % 2)), t += 0.066);
+  for (let i = 0; i < 8; ++i) {
+    standing.take(at(0.002 * (i % 2)), t += 0.066);
+    standing.take(at(0), t - 0.2);  // an older one, with colour
+  }
   assert.equal(standing.stands, true);
   standing.take(at(0, 0.01), t += 0.066);  // it turns
   assert.equal(standing.stands, false);

@@ -79,7 +79,6 @@ export class PictureLayer {
     });
     this.points = new THREE.Points(new THREE.BufferGeometry(), this.material);
     this.points.frustumCulled = false;  // the vertices are known to the shader alone
-    this.points.visible = false;
   }
 
   take(picture: Picture, head: Head, heightPx: number): void {

@@ -2,6 +2,7 @@
 // that the box knows, which is that of an earlier one: while it moves, the place of what a picture
 // shows is off by the way since.
 export const stoodFor = 0.4;   // s of the box's clock: longer than a pose is late
+const another = 1;             // s: so much older is of another clock
 const farther = 0.01;          // m
 const turned = 0.006;          // rad: 1.2 cm at 2 m
 
@@ -17,9 +18,11 @@ export class Standing {
   private since = 0;  // s of the box's clock
   private last = 0;
 
-  // `exposed`: s of the box's clock.
+  // `exposed`: s of the box's clock. Pictures with colour come behind newer ones without.
   take(camera: number[], exposed: number): void {
-    if (!this.from || exposed < this.last || moved(this.from, camera)) {
+    const before = this.last - exposed;
+    if (this.from && before > 0 && before < another) return;
+    if (!this.from || before > 0 || moved(this.from, camera)) {
       this.from = camera;
       this.since = exposed;
     }
