@@ -297,6 +297,7 @@ declare global {
     teletact: {
       figures: () => object;
       toScreen: (p: Vec3) => [number, number] | null;
+      eye: () => Vec3;  // from where the scene is seen; W
       applied?: (sequence: number) => void;  // whoever measures: the mesh is in the scene
     };
   }
@@ -308,4 +309,5 @@ const page = new Page();
 window.teletact = {
   figures: () => page.figures(),
   toScreen: p => page.stage.toScreen(p),
+  eye: () => page.stage.toWorld(page.stage.rayFrom(0, 0).origin),
 };

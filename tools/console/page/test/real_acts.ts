@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Vec3 } from '../src/wire/types';
-import { distanceToSurface, fromBody } from '../twin/world';
+import { Body, distanceToSurface, fromBody, toBody } from '../twin/world';
 import { seed } from './browser';
 import {
   bodies, desk, distanceTo, drivesTo, newestPicture, page, pressing,
@@ -29,15 +29,25 @@ test('the border of the picture says that it is live', async () => {
   }));
 });
 
-// Each is where it was aimed at, or, where a nearer side may hide that, on the same thing.
-async function clicked(points: Vec3[], thing?: (typeof bodies)[number]): Promise<void> {
-  for (const aimed of points) {
+// Where the line of sight to a point on a thing enters it: there, or on a nearer side that hides it.
+function entered(thing: Body, eye: Vec3, aimed: Vec3): Vec3 {
+  const [from, to] = [toBody(thing, eye), toBody(thing, aimed)];
+  const t = Math.max(...thing.half.map((half, k) => {
+    const way = to[k]! - from[k]!;
+    return (-Math.sign(way) * half - from[k]!) / way;
+  }));
+  return eye.map((v, k) => v + t * (aimed[k]! - v)) as Vec3;
+}
+
+async function clicked(thing: Body, points: Vec3[]): Promise<void> {
+  for (const p of points) {
+    const aimed = entered(thing, await page.evaluate(() => window.teletact.eye()),
+      fromBody(thing, p));
     const before = (await sent('hand')).length;
     await desk.click(aimed);
     await until('press and release', async () => (await sent('hand')).length >= before + 2);
     const touched = (await sent('hand')).pop()!.p as Vec3;
-    const off = thing ? distanceToSurface([thing], touched)
-      : Math.hypot(...touched.map((v, k) => v - aimed[k]!));
+    const off = Math.hypot(...touched.map((v, k) => v - aimed[k]!));
     assert.ok(distanceToSurface(bodies, touched) < clickError && off < clickError,
       `seed ${seed}: ${touched.join()} for ${aimed.join()}`);
   }
@@ -57,13 +67,13 @@ test('three clicked points of a box at a random place, on the rebuilt surface', 
   await desk.tool('Touch');
   // On the side that the robot sees best.
   const sides: Vec3[] = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]];
-  const [middle] = [fromBody(box, [0, 0, 0])];
+  const middle = fromBody(box, [0, 0, 0]);
   const faces = (n: Vec3) => fromBody(box, n).reduce((sum, v, k) =>
-    k < 2 ? sum - (v - middle![k]!) * middle![k]! : sum, 0);
+    k < 2 ? sum - (v - middle[k]!) * middle[k]! : sum, 0);
   const n = sides.sort((a, b) => faces(b) - faces(a))[0]!;
   const on = (across: number, up: number): Vec3 => [
     box.half[0] * (n[0] || across), box.half[1] * (n[1] || across), up * box.half[2]];
-  await clicked([on(0, 0), on(0.4, 0.5), on(-0.4, -0.3)].map(p => fromBody(box, p)), box);
+  await clicked(box, [on(0, 0), on(0.4, 0.5), on(-0.4, -0.3)]);
   await showPicture(true);
 });
 
@@ -72,8 +82,7 @@ test('and of its flat top, seen at a grazing angle', async () => {
   const [x, y, z] = box.half;
   await until('a camera that stands', () => page.evaluate(() =>
     document.getElementById('inset')!.classList.contains('fresh')));
-  await clicked(([[0, 0, z], [0.5 * x, -0.5 * y, z], [-0.5 * x, 0.4 * y, z]] as Vec3[])
-    .map(p => fromBody(box, p)));
+  await clicked(box, [[0, 0, z], [0.5 * x, -0.5 * y, z], [-0.5 * x, 0.4 * y, z]]);
 });
 
 test('a pointer that rests on the floor touches it', async () => {
