@@ -195,7 +195,7 @@ add_custom_target(bytes_tests)
 # is not the product's, runs them with the others. WHOLE_TESTS: tests that take few of their samples
 # (tests/support/whole.hpp); <name>.whole runs them with all, by tools/test --all, that is ctest -C
 # all, and by no other. LATER_TESTS: tests that only <name>.whole runs: further cases of what another
-# test holds, each with minutes of its own.
+# test holds, each of many seconds.
 function(teletact_test name)
   cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;LONG" "TIMEOUT;COST"
     "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS;WHOLE_TESTS;LATER_TESTS"
