@@ -29,7 +29,7 @@ test('the border of the picture says that it is live', async () => {
   }));
 });
 
-// Where the line of sight to a point on a thing enters it: there, or on a nearer side that hides it.
+// Where the line of sight to a point on a thing enters it: there, or on a nearer side.
 function entered(thing: Body, eye: Vec3, aimed: Vec3): Vec3 {
   const [from, to] = [toBody(thing, eye), toBody(thing, aimed)];
   const t = Math.max(...thing.half.map((half, k) => {
