@@ -25,7 +25,7 @@ struct FrameDemand {
 template <>
 struct rt::Fields<drivers::FrameDemand> {
   using M = drivers::FrameDemand;
-  static constexpr std::tuple kList{value(&M::seq), datum(&M::made), value(&M::rate_kbit_per_s),
-                                    value(&M::coarser), value(&M::key)};
+  static constexpr auto kList = fields(value(&M::seq), datum(&M::made), value(&M::rate_kbit_per_s),
+                                       value(&M::coarser), value(&M::key));
 };
 static_assert(rt::lists_every_field<drivers::FrameDemand>());

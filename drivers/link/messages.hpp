@@ -85,77 +85,57 @@ struct ClockReply {
 template <>
 struct rt::Fields<drivers::RobotState> {
   using M = drivers::RobotState;
-  static constexpr std::tuple kList{value(&M::seq, "seq"),
-                                    datum(&M::taken, "taken"),
-                                    number(&M::x_m, "x"),
-                                    number(&M::y_m, "y"),
-                                    number(&M::yaw_rad, "yaw"),
-                                    number(&M::vx, "vx"),
-                                    number(&M::vy, "vy"),
-                                    number(&M::wz, "wz"),
-                                    value(&M::cmd_vx, "cmd_vx"),
-                                    value(&M::cmd_vy, "cmd_vy"),
-                                    value(&M::cmd_wz, "cmd_wz"),
-                                    value(&M::goal_seq, "goal_seq"),
-                                    value(&M::mode, "mode", 4),
-                                    value(&M::moving, "moving", 1),
-                                    value(&M::fault, "fault"),
-                                    value(&M::pauses, "pauses", 2),
-                                    value(&M::mode_cause, "mode_cause")};
+  static constexpr auto kList = fields(
+      value(&M::seq, "seq"), datum(&M::taken, "taken"), number(&M::x_m, "x"), number(&M::y_m, "y"),
+      number(&M::yaw_rad, "yaw"), number(&M::vx, "vx"), number(&M::vy, "vy"), number(&M::wz, "wz"),
+      value(&M::cmd_vx, "cmd_vx"), value(&M::cmd_vy, "cmd_vy"), value(&M::cmd_wz, "cmd_wz"),
+      value(&M::goal_seq, "goal_seq"), value(&M::mode, "mode", 4), value(&M::moving, "moving", 1),
+      value(&M::fault, "fault"), value(&M::pauses, "pauses", 2),
+      value(&M::mode_cause, "mode_cause"));
 };
 static_assert(rt::lists_every_field<drivers::RobotState>());
 
 template <>
 struct rt::Fields<drivers::RobotGoal> {
   using M = drivers::RobotGoal;
-  static constexpr std::tuple kList{value(&M::seq, "seq"),
-                                    datum(&M::made, "made"),
-                                    instant(&M::valid_until, "valid_until"),
-                                    number(&M::x_m, "x"),
-                                    number(&M::y_m, "y"),
-                                    number(&M::yaw_rad, "yaw"),
-                                    number(&M::vx, "vx"),
-                                    number(&M::vy, "vy"),
-                                    number(&M::wz, "wz"),
-                                    number(&M::speed_limit_m_per_s, "speed_limit"),
-                                    value(&M::engaged, "engaged", 1),
-                                    value(&M::operator_engaged, "operator_engaged", 2),
-                                    value(&M::operator_clear, "operator_clear", 1),
-                                    value(&M::path_seq, "path_seq")};
+  static constexpr auto kList = fields(
+      value(&M::seq, "seq"), datum(&M::made, "made"), instant(&M::valid_until, "valid_until"),
+      number(&M::x_m, "x"), number(&M::y_m, "y"), number(&M::yaw_rad, "yaw"), number(&M::vx, "vx"),
+      number(&M::vy, "vy"), number(&M::wz, "wz"), number(&M::speed_limit_m_per_s, "speed_limit"),
+      value(&M::engaged, "engaged", 1), value(&M::operator_engaged, "operator_engaged", 2),
+      value(&M::operator_clear, "operator_clear", 1), value(&M::path_seq, "path_seq"));
 };
 static_assert(rt::lists_every_field<drivers::RobotGoal>());
 
 template <>
 struct rt::Fields<drivers::FrameReport> {
   using M = drivers::FrameReport;
-  static constexpr std::tuple kList{value(&M::arrived, "arrived"),
-                                    value(&M::key_wanted, "key_wanted", 1)};
+  static constexpr auto kList =
+      fields(value(&M::arrived, "arrived"), value(&M::key_wanted, "key_wanted", 1));
 };
 static_assert(rt::lists_every_field<drivers::FrameReport>());
 
 template <>
 struct rt::Fields<drivers::CommandReport> {
   using M = drivers::CommandReport;
-  static constexpr std::tuple kList{value(&M::replayed, "replayed"),
-                                    value(&M::reordered, "reordered"),
-                                    value(&M::out_of_range, "out_of_range"),
-                                    value(&M::from_ahead, "from_ahead"),
-                                    value(&M::late, "late"),
-                                    value(&M::newest, "newest", 5)};
+  static constexpr auto kList =
+      fields(value(&M::replayed, "replayed"), value(&M::reordered, "reordered"),
+             value(&M::out_of_range, "out_of_range"), value(&M::from_ahead, "from_ahead"),
+             value(&M::late, "late"), value(&M::newest, "newest", 5));
 };
 static_assert(rt::lists_every_field<drivers::CommandReport>());
 
 template <>
 struct rt::Fields<drivers::ClockRequest> {
   using M = drivers::ClockRequest;
-  static constexpr std::tuple kList{instant(&M::t0_ns, "t0i")};
+  static constexpr auto kList = fields(instant(&M::t0_ns, "t0i"));
 };
 static_assert(rt::lists_every_field<drivers::ClockRequest>());
 
 template <>
 struct rt::Fields<drivers::ClockReply> {
   using M = drivers::ClockReply;
-  static constexpr std::tuple kList{instant(&M::t0_ns, "t0i"), instant(&M::t1_ns, "t1i"),
-                                    instant(&M::t2_ns, "t2i")};
+  static constexpr auto kList =
+      fields(instant(&M::t0_ns, "t0i"), instant(&M::t1_ns, "t1i"), instant(&M::t2_ns, "t2i"));
 };
 static_assert(rt::lists_every_field<drivers::ClockReply>());

@@ -21,55 +21,55 @@ namespace rt {
 template <>
 struct Fields<tasks::ModeMsg> {
   using M = tasks::ModeMsg;
-  static constexpr std::tuple kList{value(&M::seq),   datum(&M::stamp), value(&M::mode),
-                                    value(&M::cause), value(&M::clear), value(&M::resumes)};
+  static constexpr auto kList = fields(value(&M::seq), datum(&M::stamp), value(&M::mode),
+                                       value(&M::cause), value(&M::clear), value(&M::resumes));
 };
 static_assert(lists_every_field<tasks::ModeMsg>());
 
 template <>
 struct Fields<tasks::HapticState> {
   using M = tasks::HapticState;
-  static constexpr std::tuple kList{value(&M::seq),       datum(&M::stamp),    number(&M::p_WH),
-                                    number(&M::v_WH),     number(&M::p_WP),    number(&M::f_H_W),
-                                    number(&M::normal_W), value(&M::contacts), value(&M::button),
-                                    value(&M::patch_seq), value(&M::mark_seq), value(&M::p_mark_W)};
+  static constexpr auto kList =
+      fields(value(&M::seq), datum(&M::stamp), number(&M::p_WH), number(&M::v_WH), number(&M::p_WP),
+             number(&M::f_H_W), number(&M::normal_W), value(&M::contacts), value(&M::button),
+             value(&M::patch_seq), value(&M::mark_seq), value(&M::p_mark_W));
 };
 static_assert(lists_every_field<tasks::HapticState>());
 
 template <>
 struct Fields<tasks::TouchEvent> {
   using M = tasks::TouchEvent;
-  static constexpr std::tuple kList{value(&M::seq),      instant(&M::stamp), value(&M::kind),
-                                    on_the_way(&M::gap), number(&M::p_W),    number(&M::normal_W),
-                                    number(&M::force_N)};
+  static constexpr auto kList =
+      fields(value(&M::seq), instant(&M::stamp), value(&M::kind), on_the_way(&M::gap),
+             number(&M::p_W), number(&M::normal_W), number(&M::force_N));
 };
 static_assert(lists_every_field<tasks::TouchEvent>());
 
 template <>
 struct Fields<tasks::CameraPose> {
   using M = tasks::CameraPose;
-  static constexpr std::tuple kList{value(&M::seq),      instant(&M::exposure), number(&M::X_WC),
-                                    value(&M::tracking), value(&M::claimed),    datum(&M::seen)};
+  static constexpr auto kList = fields(value(&M::seq), instant(&M::exposure), number(&M::X_WC),
+                                       value(&M::tracking), value(&M::claimed), datum(&M::seen));
 };
 static_assert(lists_every_field<tasks::CameraPose>());
 
 template <>
 struct Fields<tasks::OdometryFrame> {
   using M = tasks::OdometryFrame;
-  static constexpr std::tuple kList{
-      value(&M::seq),        datum(&M::taken),   instant(&M::claimed),      number(&M::error_m),
-      number(&M::error_rad), value(&M::known),   value(&M::follows_camera), value(&M::unsure),
-      value(&M::held),       value(&M::held_ms), value(&M::held_limit_ms),  number(&M::X_WO),
-      number(&M::covariance)};
+  static constexpr auto kList =
+      fields(value(&M::seq), datum(&M::taken), instant(&M::claimed), number(&M::error_m),
+             number(&M::error_rad), value(&M::known), value(&M::follows_camera), value(&M::unsure),
+             value(&M::held), value(&M::held_ms), value(&M::held_limit_ms), number(&M::X_WO),
+             number(&M::covariance));
 };
 static_assert(lists_every_field<tasks::OdometryFrame>());
 
 template <>
 struct Fields<tasks::Path> {
   using M = tasks::Path;
-  static constexpr std::tuple kList{
-      value(&M::seq),  instant(&M::made),    value(&M::mark_seq), instant(&M::mark_stamp),
-      value(&M::size), number(&M::marked_W), datum(&M::seen)};
+  static constexpr auto kList =
+      fields(value(&M::seq), instant(&M::made), value(&M::mark_seq), instant(&M::mark_stamp),
+             value(&M::size), number(&M::marked_W), datum(&M::seen));
   static constexpr int kApart = 1;  // points
 };
 static_assert(lists_every_field<tasks::Path>());
@@ -77,43 +77,43 @@ static_assert(lists_every_field<tasks::Path>());
 template <>
 struct Fields<tasks::TaskState> {
   using M = tasks::TaskState;
-  static constexpr std::tuple kList{value(&M::seq),   datum(&M::stamp),    value(&M::phase),
-                                    value(&M::marks), value(&M::paths),    value(&M::failures),
-                                    value(&M::off_m), value(&M::is_short), value(&M::failure)};
+  static constexpr auto kList =
+      fields(value(&M::seq), datum(&M::stamp), value(&M::phase), value(&M::marks), value(&M::paths),
+             value(&M::failures), value(&M::off_m), value(&M::is_short), value(&M::failure));
 };
 static_assert(lists_every_field<tasks::TaskState>());
 
 template <>
 struct Fields<tasks::SceneEdit> {
   using M = tasks::SceneEdit;
-  static constexpr std::tuple kList{value(&M::seq),     instant(&M::stamp),   value(&M::kind),
-                                    value(&M::id),      number(&M::centre_W), number(&M::half_m),
-                                    number(&M::yaw_rad)};
+  static constexpr auto kList =
+      fields(value(&M::seq), instant(&M::stamp), value(&M::kind), value(&M::id),
+             number(&M::centre_W), number(&M::half_m), number(&M::yaw_rad));
 };
 static_assert(lists_every_field<tasks::SceneEdit>());
 
 template <>
 struct Fields<tasks::OperatorAct> {
   using M = tasks::OperatorAct;
-  static constexpr std::tuple kList{value(&M::seq),     instant(&M::stamp), value(&M::kind),
-                                    value(&M::turns),   number(&M::p_W),    number(&M::normal_W),
-                                    number(&M::yaw_rad)};
+  static constexpr auto kList =
+      fields(value(&M::seq), instant(&M::stamp), value(&M::kind), value(&M::turns), number(&M::p_W),
+             number(&M::normal_W), number(&M::yaw_rad));
 };
 static_assert(lists_every_field<tasks::OperatorAct>());
 
 template <>
 struct Fields<tasks::DriveIntent> {
   using M = tasks::DriveIntent;
-  static constexpr std::tuple kList{value(&M::seq), datum(&M::stamp), value(&M::held),
-                                    number(&M::vx), number(&M::vy),   number(&M::wz)};
+  static constexpr auto kList = fields(value(&M::seq), datum(&M::stamp), value(&M::held),
+                                       number(&M::vx), number(&M::vy), number(&M::wz));
 };
 static_assert(lists_every_field<tasks::DriveIntent>());
 
 template <>
 struct Fields<tasks::SurfacePoints> {
   using M = tasks::SurfacePoints;
-  static constexpr std::tuple kList{value(&M::seq), instant(&M::fused), datum(&M::exposure),
-                                    number(&M::X_WC), value(&M::count)};
+  static constexpr auto kList = fields(value(&M::seq), instant(&M::fused), datum(&M::exposure),
+                                       number(&M::X_WC), value(&M::count));
   static constexpr int kApart = 6;  // the coordinates
 };
 static_assert(lists_every_field<tasks::SurfacePoints>());
@@ -121,8 +121,8 @@ static_assert(lists_every_field<tasks::SurfacePoints>());
 template <>
 struct Fields<tasks::SceneView> {
   using M = tasks::SceneView;
-  static constexpr std::tuple kList{value(&M::seq), instant(&M::fused), datum(&M::exposure),
-                                    value(&M::X_WV), value(&M::intrinsics)};
+  static constexpr auto kList = fields(value(&M::seq), instant(&M::fused), datum(&M::exposure),
+                                       value(&M::X_WV), value(&M::intrinsics));
   static constexpr int kApart = 5;  // what each pixel shows
 };
 static_assert(lists_every_field<tasks::SceneView>());
@@ -130,8 +130,8 @@ static_assert(lists_every_field<tasks::SceneView>());
 template <>
 struct Fields<tasks::ObjectList> {
   using M = tasks::ObjectList;
-  static constexpr std::tuple kList{value(&M::seq),      datum(&M::exposure), value(&M::size),
-                                    value(&M::mark_seq), value(&M::answer),   value(&M::touched)};
+  static constexpr auto kList = fields(value(&M::seq), datum(&M::exposure), value(&M::size),
+                                       value(&M::mark_seq), value(&M::answer), value(&M::touched));
   static constexpr int kApart = 1;  // entries
 };
 static_assert(lists_every_field<tasks::ObjectList>());
@@ -139,11 +139,10 @@ static_assert(lists_every_field<tasks::ObjectList>());
 template <>
 struct Fields<perception::SurfacePatch> {
   using M = perception::SurfacePatch;
-  static constexpr std::tuple kList{value(&M::map_id),      value(&M::seq),
-                                    instant(&M::fused),     datum(&M::exposure),
-                                    number(&M::voxel_size), number(&M::metres_per_unit),
-                                    value(&M::nodes),       value(&M::touched_moves),
-                                    value(&M::origin_node), value(&M::palette)};
+  static constexpr auto kList =
+      fields(value(&M::map_id), value(&M::seq), instant(&M::fused), datum(&M::exposure),
+             number(&M::voxel_size), number(&M::metres_per_unit), value(&M::nodes),
+             value(&M::touched_moves), value(&M::origin_node), value(&M::palette));
   static constexpr int kApart = 4;  // checksum, distance, material, free
 };
 static_assert(lists_every_field<perception::SurfacePatch>());
@@ -151,9 +150,9 @@ static_assert(lists_every_field<perception::SurfacePatch>());
 template <>
 struct Fields<perception::MeshDelta> {
   using M = perception::MeshDelta;
-  static constexpr std::tuple kList{
-      value(&M::seq),         instant(&M::fused),      datum(&M::exposure),      value(&M::restart),
-      value(&M::block_count), value(&M::vertex_count), value(&M::triangle_count)};
+  static constexpr auto kList =
+      fields(value(&M::seq), instant(&M::fused), datum(&M::exposure), value(&M::restart),
+             value(&M::block_count), value(&M::vertex_count), value(&M::triangle_count));
   static constexpr int kApart = 3;  // blocks, vertices, triangles
 };
 static_assert(lists_every_field<perception::MeshDelta>());
@@ -161,9 +160,9 @@ static_assert(lists_every_field<perception::MeshDelta>());
 template <>
 struct Fields<perception::CostMap> {
   using M = perception::CostMap;
-  static constexpr std::tuple kList{
-      value(&M::seq),         instant(&M::fused), datum(&M::exposure), value(&M::ground_found),
-      number(&M::resolution), value(&M::width),   value(&M::height),   number(&M::X_WM)};
+  static constexpr auto kList =
+      fields(value(&M::seq), instant(&M::fused), datum(&M::exposure), value(&M::ground_found),
+             number(&M::resolution), value(&M::width), value(&M::height), number(&M::X_WM));
   static constexpr int kApart = 4;  // cost, height_m, moving_count, moving
 };
 static_assert(lists_every_field<perception::CostMap>());
@@ -172,7 +171,7 @@ static_assert(lists_every_field<perception::CostMap>());
 template <>
 struct Fields<perception::RgbdFrame> {
   using M = perception::RgbdFrame;
-  static constexpr std::tuple kList{datum(&M::exposure)};
+  static constexpr auto kList = fields(datum(&M::exposure));
 };
 
 }  // namespace rt
