@@ -126,9 +126,12 @@ void SupervisionTask::count_and_latch(const Conditions& c) noexcept {
   }
 }
 
-bool SupervisionTask::wants_restart(rt::FaultId id) noexcept {
-  const int row = fault_row(id);
-  return row >= 0 && kFaultTable[static_cast<std::size_t>(row)].clear == ClearRule::kRestart;
+// Of what is held back, a fault that only a new start of the program ends.
+rt::FaultId SupervisionTask::restart_fault() const noexcept {
+  for (std::size_t i = 0; i < kFaultCount; ++i) {
+    if (latched_[i] && kFaultTable[i].clear == ClearRule::kRestart) return kFaultTable[i].id;
+  }
+  return rt::kNoFault;
 }
 
 bool SupervisionTask::link_changed(const In& in) noexcept {
@@ -255,9 +258,12 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
 }
 
 void SupervisionTask::stop_safely(rt::FaultId cause, rt::Time now) noexcept {
+  // What only a new start ends is told, whatever came first or beside it: a clear would be tried in
+  // vain.
+  const rt::FaultId restart = restart_fault();
+  if (restart != rt::kNoFault) cause = restart;
   if (mode_ == Mode::kSafeStop) {
-    // What only a new start ends is told, whatever came first: a clear would be tried in vain.
-    if (wants_restart(cause) && !wants_restart(cause_)) cause_ = cause;
+    if (restart != rt::kNoFault) cause_ = restart;
     return;
   }
   if (mode_ != Mode::kEngaged && mode_ != Mode::kRampDown) episode_ = {};

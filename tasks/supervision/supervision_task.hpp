@@ -129,7 +129,7 @@ class SupervisionTask {
   void count_and_latch(const Conditions& c) noexcept;
   void enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept;
   bool go(rt::Time now) noexcept;  // into the engaged mode; true
-  [[nodiscard]] static bool wants_restart(rt::FaultId id) noexcept;
+  [[nodiscard]] rt::FaultId restart_fault() const noexcept;
   void stop_safely(rt::FaultId cause, rt::Time now) noexcept;
   [[nodiscard]] bool change_mode(rt::Time now, const In& in, const rt::Health& worst,
                                  bool engage) noexcept;

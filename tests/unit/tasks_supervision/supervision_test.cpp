@@ -183,18 +183,6 @@ TEST(Supervision, AClearThatIsOnFromTheStartIsNoAct) {
   EXPECT_EQ(s.mode(), Mode::kHold);
 }
 
-TEST(Supervision, LinkRefusedNeedsARestart) {  // F-SUP-03
-  Story s;
-  s.run(50ms);
-  s.in.link_refused = true;
-  s.run(50ms);
-  EXPECT_EQ(s.mode(), Mode::kSafeStop);
-  EXPECT_EQ(s.out.mode.cause, tasks::kFaultLinkRefused);
-  s.in.link_refused = false;
-  s.clear().clear();
-  EXPECT_EQ(s.mode(), Mode::kSafeStop);
-}
-
 TEST(Supervision, OperatorRampsDownWhenTheRobotDoesNotFollowOrLeaves) {  // F-SUP-04
   Story s;
   s.peer_follows = false;
@@ -318,33 +306,6 @@ TEST(Supervision, RequestedStop) {  // F-SUP-08
   s.run(10ms);
   EXPECT_EQ(s.mode(), Mode::kSafeStop) << "the worse of the two";
   EXPECT_EQ(s.out.mode.cause, tasks::kFaultStopRequested);
-}
-
-TEST(Supervision, WatchdogNeedsARestart) {  // F-SUP-09
-  Story s;
-  s.engaged();
-  s.in.watchdog_bit = true;
-  s.run(10ms);
-  EXPECT_EQ(s.mode(), Mode::kSafeStop);
-  s.in.watchdog_bit = false;
-  s.clear();
-  EXPECT_EQ(s.mode(), Mode::kSafeStop);
-}
-
-// Else a clear, which the first cause names, is tried in vain.
-TEST(Supervision, WhatWantsARestartIsToldWhateverCameFirst) {
-  Story s;
-  s.engaged();
-  s.in.requests.stop = true;
-  s.run(10ms);
-  EXPECT_EQ(s.out.mode.cause, tasks::kFaultStopRequested);
-  s.in.requests.stop = false;
-  s.in.watchdog_bit = true;
-  s.run(10ms);
-  EXPECT_EQ(s.out.mode.cause, tasks::kFaultWatchdog);
-  s.in.requests.stop = true;
-  s.run(10ms);
-  EXPECT_EQ(s.out.mode.cause, tasks::kFaultWatchdog);
 }
 
 TEST(Supervision, UnknownFaultIsAsSevereAsItSaysAtLeastDegraded) {  // F-SUP-10
