@@ -12,9 +12,11 @@ namespace drivers {
 namespace asio = boost::asio;
 
 void Road::Impl::dial_if_due(std::int64_t now_ns) {
-  if (dialling_ && now_ns > dial_until_ns_)
-    return dial_failed(naming_ == Naming::kNot ? "no answer in time"
-                                               : "no name server has answered in time");
+  if (dialling_ && now_ns > dial_until_ns_) {
+    if (naming_ != Naming::kNot) return dial_failed("no name server has answered in time");
+    names_.pass_over_first();
+    return dial_failed("no answer in time");
+  }
   look_at_names();
   if (dialling_ || up || now_ns < next_dial_ns_) return;
   dialling_ = true;

@@ -3,6 +3,7 @@
 #include <netdb.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <system_error>
@@ -60,6 +61,10 @@ std::optional<Found> RoadNames::answer() {
   if (!out_ || !out_->done.load(std::memory_order_acquire)) return std::nullopt;
   Found found = std::move(out_->found);
   out_.reset();
+  if (!found || found.value().empty()) return found;
+  auto& all = found.value();
+  const std::size_t first = passed_over_ % all.size();
+  std::rotate(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(first), all.end());
   return found;
 }
 

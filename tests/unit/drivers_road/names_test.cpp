@@ -1,6 +1,10 @@
 // Host names that are dialled: name servers that are slow, dead, or know no such name.
+#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include "tests/unit/drivers_road/support.hpp"
 
@@ -73,6 +77,47 @@ TEST(Names, WhatIsWrongIsTold) {
     ASSERT_TRUE(wait_for([&] { return op.link->counts().failed > 0; }));
     EXPECT_THAT(op.link->fault(), HasSubstr(words));
   }
+}
+
+// Takes connections into a queue that is full: what else is sent to it is lost without a word.
+struct DeafHost {
+  int listener = -1;
+  std::vector<int> queued;
+  DeafHost(const char* address, int port) {
+    sockaddr_in at{};
+    at.sin_family = AF_INET;
+    at.sin_port = htons(static_cast<std::uint16_t>(port));
+    inet_pton(AF_INET, address, &at.sin_addr);
+    const auto* where = reinterpret_cast<const sockaddr*>(&at);
+    listener = socket(AF_INET, SOCK_STREAM, 0);
+    EXPECT_EQ(bind(listener, where, sizeof at), 0);
+    EXPECT_EQ(listen(listener, 0), 0);
+    for (int i = 0; i < 4; ++i) {
+      queued.push_back(socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK, 0));
+      static_cast<void>(connect(queued.back(), where, sizeof at));
+    }
+  }
+  ~DeafHost() {
+    for (const int fd : queued) close(fd);
+    close(listener);
+  }
+  DeafHost(const DeafHost&) = delete;
+  DeafHost& operator=(const DeafHost&) = delete;
+};
+
+TEST(Names, AnAddressThatNeverAnswersDoesNotHideTheNext) {
+  Lab lab;
+  End robot(listening(lab, "rover", rt::Box::kRobot));
+  robot.start();
+  const DeafHost deaf("127.0.0.2", robot.link->port());
+  auto options = by_name(lab, robot.link->port(), [](const std::string&) -> Addresses {
+    return std::vector<std::string>{"127.0.0.2", "127.0.0.1"};
+  });
+  options.handshake_limit = std::chrono::seconds{1};
+  End op(options);
+  op.start();
+  EXPECT_TRUE(wait_for([&] { return op.ready(); })) << op.link->fault();
+  EXPECT_GE(op.link->counts().failed, 1U) << "the first one was tried";
 }
 
 // The system's own, with a text that it takes for an address without asking anybody.
