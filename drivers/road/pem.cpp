@@ -204,6 +204,13 @@ std::string day_of(std::int64_t seconds) {
   return text.data();
 }
 
+std::string digest_of(const X509& certificate) {
+  std::array<std::uint8_t, EVP_MAX_MD_SIZE> digest{};
+  unsigned size = 0;
+  if (X509_digest(&certificate, EVP_sha256(), digest.data(), &size) != 1) return {};
+  return hex(digest.data(), size);
+}
+
 std::string hex_of(const ASN1_INTEGER& number) {
   return hex(ASN1_STRING_get0_data(&number), static_cast<std::size_t>(ASN1_STRING_length(&number)));
 }

@@ -45,6 +45,7 @@ using KeyPtr = std::unique_ptr<EVP_PKEY, PemFree>;
 [[nodiscard]] std::string day_of(std::int64_t seconds);        // 2031-05-17, UTC
 [[nodiscard]] std::string serial_of(const X509& certificate);  // hex
 [[nodiscard]] std::string hex_of(const ASN1_INTEGER& number);
+[[nodiscard]] std::string digest_of(const X509& certificate);  // SHA-256, hex
 // Newest message of OpenSSL on this thread, which is then forgotten.
 [[nodiscard]] std::string openssl_text();
 

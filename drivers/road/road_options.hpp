@@ -25,6 +25,9 @@ struct RoadOptions {
   int port = 0;
   // Folder with box.key, box.crt, ca.crt and ca.crl, as `teletact keys issue` writes it.
   std::string keys;
+  // Folder that is this box's own: the newest list of revoked certificates is kept there, so that
+  // an older one changes nothing after a restart either. Empty: none is kept.
+  std::string state;
   // Who must answer: a box name of the certificate, or "sha256:" and 64 hex digits of the peer's
   // public key (`teletact keys show`). Empty: any box of the other role that the lab CA vouches
   // for.

@@ -48,6 +48,7 @@ rt::Result<std::unique_ptr<RoadTrust>> RoadTrust::load(const RoadOptions& option
   auto revoked = read_revoked(list, *t->ca_);
   if (!revoked) return rt::Error{revoked.error()};
   t->list_ = std::move(revoked).value();
+  t->take_kept(options.state);
   const std::int64_t begins_s = seconds_of(X509_get0_notBefore(own.value().certificate.get()));
   t->earliest_s_ = std::max(kBuilt_s, begins_s);
   // By a clock that is unset, a list made after the end of the box's own certificate says that this
@@ -57,6 +58,31 @@ rt::Result<std::unique_ptr<RoadTrust>> RoadTrust::load(const RoadOptions& option
     return rt::Error{problem};
   t->take_date();
   return t;
+}
+
+// Of before this start: a list that is older than it changes nothing now either.
+void RoadTrust::take_kept(const std::string& folder) {
+  kept_ = KeptList(folder, *ca_);
+  auto kept = kept_.read(*ca_);
+  if (!kept) {
+    kept_problem_ = kept.error() + "; a list that is older than it is not known as such";
+  } else if (kept.value()) {
+    const std::int64_t before = revoked_number(*kept.value()), now = revoked_number(*list_);
+    if (before == now) return;
+    if (before > now) {
+      list_problem_ = folder_ +
+                      "/ca.crl: older than the list that this box has used, which stays; " +
+                      "if the CA began anew, remove " + kept_.path();
+      list_ = std::move(kept).value();
+      return;
+    }
+  }
+  keep_list();
+}
+
+void RoadTrust::keep_list() {
+  const std::string problem = kept_.keep(*list_);
+  if (!problem.empty()) kept_problem_ = problem + ": the list is not kept over a restart";
 }
 
 void RoadTrust::look_at_own() {
@@ -135,6 +161,7 @@ std::string RoadTrust::note() const {
   std::string all;
   const auto add = [&all](const std::string& one) { all += (all.empty() ? "" : "; ") + one; };
   if (!list_problem_.empty()) add(list_problem_);
+  if (!kept_problem_.empty()) add(kept_problem_);
   if (!date_problem_.empty()) add(date_problem_);
   if (!own_problem_.empty()) add(own_problem_);
   if (wall_s_() < earliest_s_) {
@@ -295,6 +322,7 @@ bool RoadTrust::refresh_list() {
   }
   list_problem_.clear();
   list_ = std::move(read).value();
+  keep_list();
   return true;
 }
 

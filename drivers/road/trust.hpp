@@ -13,7 +13,8 @@
 // end of this box's own certificate is told, and does not count; what that list revokes does.
 //
 // The list is looked at again every reread_period. A list that is damaged, of another CA or older
-// than the one in use changes nothing, and note() says so. So are the box's own certificate and
+// than the one in use changes nothing, and note() says so; with a state folder, none that is older
+// than one that was in use before this start either. So are the box's own certificate and
 // key: renewed ones are shown from the next handshake on; what check_self() refuses changes
 // nothing, and is told likewise.
 #pragma once
@@ -24,6 +25,7 @@
 #include <memory>
 #include <string>
 
+#include "drivers/road/kept_list.hpp"
 #include "drivers/road/pem.hpp"
 #include "drivers/road/road_options.hpp"
 #include "rt/result.hpp"
@@ -62,6 +64,8 @@ class RoadTrust {
     KeyPtr key;
     RoadPeer self;
   };
+  void take_kept(const std::string& folder);
+  void keep_list();
   void look_at_own();
   [[nodiscard]] rt::Result<Own> read_own() const;
   [[nodiscard]] std::string take_own(Own own);
@@ -80,11 +84,12 @@ class RoadTrust {
   CertificatePtr ca_;
   Own own_;
   RevokedPtr list_;
+  KeptList kept_;
   std::int64_t earliest_s_ = 0;
   // Of the files of the list, the certificate and the key.
   struct stat seen_ {
   }, seen_own_{}, seen_key_{};
-  std::string list_problem_, own_problem_, date_problem_;
+  std::string list_problem_, kept_problem_, own_problem_, date_problem_;
 };
 
 }  // namespace drivers

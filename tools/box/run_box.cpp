@@ -9,6 +9,7 @@
 #include "tasks/graph/frame_phase.hpp"
 #include "tools/box/box_main.hpp"
 #include "tools/box/run_processes.hpp"
+#include "tools/files/user_folder.hpp"
 #include "tools/host/run_folder.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
@@ -39,6 +40,7 @@ drivers::RoadOptions road_of(const BoxCommand& command) {
   road.address = command.road.host;
   road.port = command.road.port;
   road.keys = command.keys;
+  road.state = user_state_folder();
   road.expected_peer = command.peer;
   road.rate_Mbit_per_s = command.rate_Mbit_per_s;
   return road;

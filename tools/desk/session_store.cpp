@@ -1,13 +1,13 @@
 #include "tools/desk/session_store.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
 
+#include "tools/files/user_folder.hpp"
 #include "tools/files/whole_file.hpp"
 
 namespace teletact {
@@ -37,14 +37,7 @@ std::vector<std::string> names_in(const std::string& folder) {
 
 }  // namespace
 
-std::string default_session_folder() {
-  const char* state = std::getenv("XDG_STATE_HOME");
-  const char* home = std::getenv("HOME");
-  const fs::path base = state != nullptr && *state != 0
-                            ? fs::path(state)
-                            : fs::path(home != nullptr ? home : "/tmp") / ".local/state";
-  return (base / "teletact/sessions").string();
-}
+std::string default_session_folder() { return user_state_folder() + "/sessions"; }
 
 rt::Result<SavedSession> SessionStore::read(const std::string& name) const {
   const fs::path file = fs::path(path_of(name)) / kSession;

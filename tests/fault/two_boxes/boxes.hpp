@@ -150,6 +150,7 @@ struct Boxes {
     fs::remove_all(folder);
     fs::create_directories(folder);
     ::setenv("XDG_RUNTIME_DIR", folder.c_str(), 1);
+    ::setenv("XDG_STATE_HOME", (folder / "state").c_str(), 1);
   }
   ~Boxes() { fs::remove_all(folder); }
   // A lab, `rover` and `ada` of it: the road is TLS from the next start on.

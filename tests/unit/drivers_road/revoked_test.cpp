@@ -157,4 +157,59 @@ TEST(Revoked, AListDatedAfterTheBoxsOwnEndShutsOutWhomItRevokesAlone) {
   EXPECT_TRUE(wait_for([&] { return robot.end->link->note().empty(); })) << "set right again";
 }
 
+// A box's folder may be written anew from a backup while the box is down.
+TEST(Revoked, AnOlderListChangesNothingAfterARestartEither) {
+  namespace fs = std::filesystem;
+  Lab lab;
+  lab.issue(rt::Box::kOperator, "bob");
+  const std::string list = lab.box("rover") + "/ca.crl", old = lab.folder.path + "/old.crl";
+  fs::copy_file(list, old);
+  auto options = listening(lab, "rover", rt::Box::kRobot);
+  options.state = lab.folder.path + "/robot/state";
+  const auto started = [&] {
+    auto robot = std::make_unique<End>(options);
+    robot->start();
+    return robot;
+  };
+  const auto let_in = [&](const char* name, End& robot) {
+    End op(dialling(lab, name, rt::Box::kOperator, robot.link->port()));
+    op.start();
+    EXPECT_TRUE(wait_for([&] { return op.ready() || op.link->counts().failed > 0; }));
+    return op.ready();
+  };
+  EXPECT_TRUE(let_in("bob", *started()));
+  lab.revoke("bob");
+  EXPECT_EQ(started()->link->note(), "");  // has used the newer one
+  const auto overwrite = fs::copy_options::overwrite_existing;
+  fs::copy_file(old, list, overwrite);
+  fs::copy_file(old, lab.box("bob") + "/ca.crl", overwrite);  // a thief would not ask his own
+  {
+    const auto robot = started();
+    EXPECT_THAT(robot->link->note(), HasSubstr("older than the list that this box has used"));
+    EXPECT_FALSE(let_in("bob", *robot));
+    EXPECT_THAT(robot->link->last_refusal(), HasSubstr("is revoked"));
+    EXPECT_TRUE(let_in("ada", *robot));
+  }
+  const auto kept = fs::directory_iterator(options.state)->path();
+  std::ofstream(kept) << "no list";
+  {
+    const auto robot = started();
+    EXPECT_THAT(robot->link->note(), HasSubstr(kept.string() + ": not a list of revoked"));
+    EXPECT_TRUE(let_in("bob", *robot)) << "who can write the folder can take the list away";
+  }
+  EXPECT_EQ(started()->link->note(), "") << "written anew";
+}
+
+TEST(Revoked, ABoxThatCanNotKeepItsListSaysSoAndRuns) {
+  Lab lab;
+  auto options = listening(lab, "rover", rt::Box::kRobot);
+  options.state = "/dev/null/state";
+  End robot(options);
+  robot.start();
+  EXPECT_THAT(robot.link->note(), HasSubstr("the list is not kept over a restart"));
+  End op(dialling(lab, "ada", rt::Box::kOperator, robot.link->port()));
+  op.start();
+  EXPECT_TRUE(wait_for([&] { return op.ready(); })) << op.link->fault();
+}
+
 }  // namespace

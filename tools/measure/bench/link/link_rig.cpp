@@ -76,6 +76,7 @@ class Child {
     if (pid_ != 0) return;
     if (!ns.empty() && !enter(ns)) ::_exit(126);
     ::setenv("XDG_RUNTIME_DIR", folder.c_str(), 1);
+    ::setenv("XDG_STATE_HOME", folder.c_str(), 1);
     const int fd = ::open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     ::dup2(fd, 1);
     ::dup2(fd, 2);
