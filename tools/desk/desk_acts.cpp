@@ -138,6 +138,13 @@ ConsoleAnswer DeskActs::record(bool on, rt::Time now) {
 
 // ---- engage, clear, stop ------------------------------------------------------------------------
 
+// What the robot's box says of itself; of one that has fallen silent nothing is known any more.
+drivers::RobotState DeskActs::heard_robot(rt::Time now) const {
+  constexpr rt::Nanos kSilent = std::chrono::milliseconds{500};
+  const drivers::RobotState& newest = console_.seen().robot;
+  return newest.seq != 0 && now - newest.taken <= kSilent ? newest : drivers::RobotState{};
+}
+
 std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at, rt::Time now) {
   engage_hold_.say(true, at);
   if (!engage_hold_.held(now)) return refused("let go first, then press again");
@@ -153,8 +160,11 @@ std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at,
     case Mode::kSafeStop:
     case Mode::kHold:
       // In a safe stop the robot's box follows no engage, whatever this box's mode came from.
-      if (const std::string why = safe_stop_refusal(mode, console_.seen().robot); !why.empty())
+      if (const std::string why = safe_stop_refusal(mode, heard_robot(now)); !why.empty())
         return refused(why);
+      if (console_.seen().robot.seq != 0 && heard_robot(now).seq == 0)
+        return refused("nothing comes from the robot's box" +
+                       fault_advice(tasks::kFaultLinkSilent));
       break;
   }
   if (waiting_) return refused("asked already");
@@ -182,7 +192,7 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
     const bool late = now - waiting_->since > kPatience;
     if (engaged || late || !engage_wanted_) {
       const std::string there =
-          mode.mode == Mode::kSafeStop ? "" : safe_stop_refusal(mode, console_.seen().robot);
+          mode.mode == Mode::kSafeStop ? "" : safe_stop_refusal(mode, heard_robot(now));
       const std::string why =
           !there.empty() ? there
           : mode.cause != rt::kNoFault
@@ -201,7 +211,7 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
 
 std::optional<ConsoleAnswer> DeskActs::clear(const DeskItem& item, rt::Time now) {
   const auto& seen = console_.seen();
-  if (const std::string why = clear_refusal(seen.mode, seen.robot); !why.empty())
+  if (const std::string why = clear_refusal(seen.mode, heard_robot(now)); !why.empty())
     return refused(why);
   if (clear_waits_) return refused("asked already");
   clear_from_ = now;
@@ -220,7 +230,7 @@ void DeskActs::keep_clear(rt::Time now, const Answer& answer) {
   if (button.load() && now - clear_from_ >= kPress) button.store(false);
   if (!clear_waits_) return;
   const auto& seen = console_.seen();
-  const std::string still = still_stopped(seen.mode, seen.robot);
+  const std::string still = still_stopped(seen.mode, heard_robot(now));
   if (!still.empty()) clear_out_.reset();
   if (still.empty() && !clear_out_) clear_out_ = now;
   const bool cleared = clear_out_ && now - *clear_out_ >= kOut;

@@ -149,6 +149,7 @@ class DeskActs {
   void watch_keep_outs(rt::Time now);
   void keep_hand(rt::Time now);
   void keep_clear(rt::Time now, const Answer& answer);
+  [[nodiscard]] drivers::RobotState heard_robot(rt::Time now) const;
   void keep_objects(rt::Time now, const Answer& answer);
   [[nodiscard]] SavedSession to_save() const;
   void keep_sessions(rt::Time now, const Answer& answer);

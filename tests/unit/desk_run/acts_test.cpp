@@ -384,4 +384,29 @@ TEST(DeskRun, AClearThatEndsNothingIsRefused) {
   EXPECT_EQ(told(p, "clear"), "");
 }
 
+// What the robot's box said last is not what it is: it may be off, or started anew.
+TEST(DeskRun, ARobotThatHasFallenSilentIsTheReasonWhyAnEngageIsRefused) {
+  auto s = desk_run::scene();
+  DemoOptions options;
+  options.fault_plan = (desk_run::folder() / "silent.toml").string();
+  std::ofstream(options.fault_plan)
+      << "name = 'silent'\npurpose = 'no state comes any more'\n"
+         "[[fault]]\nkind = 'dead_thread'\ntarget = 'robot_io'\nfirst = 1500\n";
+  Person p;
+  p.viewers = 1;
+  std::int64_t pressed = 0, cleared = 0;
+  p.act = [&](double t) {
+    if (p.once("clear", t, 2.6)) cleared = p.say({{"act", "clear"}});
+    if (p.once("press", t, 2.8)) {
+      p.holds = json::array({"engage"});
+      pressed = p.say({{"act", "engage"}});
+    }
+  };
+  static_cast<void>(desk_run::run(*s, 3, p, options));
+  EXPECT_FALSE(p.answers.at(pressed).ok);
+  EXPECT_THAT(p.answers.at(pressed).why, HasSubstr("nothing comes from the robot's box; to do: "));
+  EXPECT_FALSE(p.answers.at(cleared).ok);
+  EXPECT_EQ(p.answers.at(cleared).why, "there is no safe stop to clear");
+}
+
 }  // namespace
