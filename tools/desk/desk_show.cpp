@@ -108,7 +108,17 @@ void DeskShow::show_pose(rt::Time now) {
   port_.publish(ViewKind::kPose, stamp(now, data), pose_body(v));
 }
 
-// The picture as it came over the link, where the camera was then as far as is known.
+// Fusion tells the pose of a picture a job after it came. Until then: that of the newest one before
+// it, carried on by the wheels.
+perception::Pose DeskShow::camera_at(rt::Time exposure) const {
+  const auto& seen = console_.seen();
+  const auto base_W = base_in_world(seen);
+  if (!base_W || seen.camera.seq == 0) return seen.camera.X_WC;
+  const double s = std::clamp(rt::seconds(exposure - seen.camera.exposure), -0.2, 0.2);
+  return carried(seen.camera.X_WC, *base_W, {seen.robot.vx, seen.robot.vy, seen.robot.wz}, s);
+}
+
+// The picture as it came over the link.
 void DeskShow::show_picture(rt::Time now) {
   auto& cells = box_.graph().cells();
   const auto frame = cells.read<tasks::EdgeId::kFrame, tasks::kConsole>();
@@ -118,7 +128,7 @@ void DeskShow::show_picture(rt::Time now) {
   if (!due(next_picture_, now, 66)) return;
   ++figures_.pictures;
   port_.publish(ViewKind::kPicture, stamp(now, frame->exposure),
-                pictures_.body(*frame, console_.seen().camera.X_WC));
+                pictures_.body(*frame, camera_at(frame->exposure)));
 }
 
 void DeskShow::show_map(rt::Time now) {

@@ -46,6 +46,7 @@ class DeskShow {
   [[nodiscard]] bool due(rt::Time& next, rt::Time now, int period_ms) const;
   void show_pose(rt::Time now);
   void show_picture(rt::Time now);
+  [[nodiscard]] perception::Pose camera_at(rt::Time exposure) const;
   void show_map(rt::Time now);
   void show_text(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now);
   void measure(rt::Time now, DeskFacts& facts);

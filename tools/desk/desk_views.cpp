@@ -101,6 +101,17 @@ PictureMaker::PictureMaker() : jpeg_(tjInitCompress()) {
 }
 PictureMaker::~PictureMaker() { tjDestroy(jpeg_); }
 
+perception::Pose carried(const perception::Pose& X_WC, const perception::Pose2& base_W,
+                         const perception::Twist2& v_B, double s) {
+  // The same motion of the world's points from wherever on the way it is begun.
+  const perception::Pose2 step =
+      perception::compose(perception::integrate(base_W, v_B, s), perception::inverse(base_W));
+  perception::Pose moved = perception::Pose::Identity();
+  moved.linear() = Eigen::AngleAxisd(step.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  moved.translation() << step.x, step.y, 0;
+  return moved * X_WC;
+}
+
 std::vector<std::uint8_t> PictureMaker::body(const perception::RgbdFrame& f,
                                              const perception::Pose& X_WC) {
   constexpr int kQuality = 75;

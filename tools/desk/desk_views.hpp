@@ -46,6 +46,12 @@ inline constexpr std::size_t kPoseViewBytes = 12 * 4 + 4 + 4 + 9 * 4 + 16 + 4 + 
 [[nodiscard]] std::vector<std::uint8_t> moving_body(const perception::CostMap& map);
 [[nodiscard]] std::vector<std::uint8_t> selection_body(const Proposal& proposal);
 
+// Where a camera is `s` seconds after it was at X_WC, carried by a base that is at base_W somewhere
+// on the way and keeps its velocity v_B (of its own frame).
+[[nodiscard]] perception::Pose carried(const perception::Pose& X_WC,
+                                       const perception::Pose2& base_W,
+                                       const perception::Twist2& v_B, double s);
+
 // A camera's picture: depth as it is, colour as JPEG. Not thread-safe; allocates.
 class PictureMaker {
  public:
