@@ -70,6 +70,11 @@ TEST(ConsoleFigures, GrowthIsFromTheSecondTenthToTheLast) {
   EXPECT_DOUBLE_EQ(growth(leak).last, 194);
   EXPECT_GT(growth(leak).share(), 0.05) << "a leak that must be seen";
   EXPECT_TRUE(std::isnan(growth(std::vector<double>(19, 1.0)).share()));
+  const auto each = teletact::tenths(leak);
+  ASSERT_EQ(each.size(), 10U);
+  EXPECT_DOUBLE_EQ(each[1], growth(leak).first);
+  EXPECT_DOUBLE_EQ(each[9], growth(leak).last);
+  EXPECT_TRUE(teletact::tenths(std::vector<double>(19, 1.0)).empty());
 }
 
 TEST(ConsoleFigures, PairsGiveAMedianAndItsInterval) {

@@ -80,4 +80,13 @@ Growth growth(std::span<const double> values) {
   return {median(values.subspan(tenth, tenth)), median(values.last(tenth))};
 }
 
+std::vector<double> tenths(std::span<const double> values) {
+  std::vector<double> out;
+  if (values.size() < Growth::kLeast) return out;
+  const std::size_t tenth = values.size() / 10;
+  for (std::size_t i = 0; i < 9; ++i) out.push_back(median(values.subspan(i * tenth, tenth)));
+  out.push_back(median(values.last(tenth)));
+  return out;
+}
+
 }  // namespace teletact

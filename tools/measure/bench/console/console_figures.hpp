@@ -44,5 +44,7 @@ struct Growth {
   [[nodiscard]] double share() const { return last / first - 1; }
 };
 [[nodiscard]] Growth growth(std::span<const double> values);
+// The median of each tenth, in order: a step once is no growth. Empty: too few values.
+[[nodiscard]] std::vector<double> tenths(std::span<const double> values);
 
 }  // namespace teletact

@@ -201,6 +201,13 @@ void print_growth(std::ostream& out, const GrowthPart& g) {
     const Growth now = growth(v);
     line(out, "  %-18s %8.2f MB in the second tenth, %8.2f MB in the last: %+.2f %%", what,
          now.first, now.last, 100 * now.share());
+    std::string each;
+    for (const double tenth : tenths(v)) {
+      char text[32];
+      std::snprintf(text, sizeof text, " %.1f", tenth);
+      each += text;
+    }
+    line(out, "    by tenths:%s", each.c_str());
   };
   row("server", g.server_MB);
   row("page's heap", g.heap_MB);
