@@ -219,13 +219,14 @@ TEST(EffectCosts, TheTableThatExplainPrintsIsOfThisCatalogue) {
 }
 
 // An effect that does work costs its payer more than none. A busy machine needs more rounds for it:
-// of each job the least of all rounds counts.
+// of each job the least of all rounds counts, and two rounds that something else disturbed may tell
+// of any difference, either way.
 TEST(EffectCosts, AnEffectIsMeasuredAgainstTheSameRunWithoutIt) {
   std::ostringstream progress;
   EffectCosts c;
   for (int rounds = 2; rounds <= 16; rounds *= 2) {
     c = measure_effects(startup().token(), progress, 1.0, rounds, "camera noise: axial");
-    if (c.rows.size() == 1 && c.rows[0].told()) break;
+    if (c.rows.size() == 1 && c.rows[0].told() && c.rows[0].us > 0) break;
   }
   ASSERT_EQ(c.rows.size(), 1U);
   EXPECT_EQ(c.rows[0].job, "a job of capture");
