@@ -61,8 +61,8 @@ constexpr Field<M, T> on_the_way(T M::*at) noexcept {
   return {at, FieldIs::kOnTheWay, {}, 0};
 }
 
-// A list hands its fields to what it is called with. No std::tuple: building those of all messages
-// is what most of a compilation's time went into.
+// A list hands its fields to what it is called with. No std::tuple: those of all messages took GCC
+// 1.5 s a file.
 template <class... F>
 constexpr auto fields(F... field) noexcept {
   return [field...](auto&& use) { return use(field...); };
