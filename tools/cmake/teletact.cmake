@@ -108,8 +108,11 @@ function(teletact_precompiled target)
 endfunction()
 
 # The headers of geometry for the product's own libraries; Eigen's take GCC 3 s. Not for files with
-# options of their own.
+# options of their own, nor for a sanitizer, which optimises libraries otherwise than the rest.
 function(teletact_reads_geometry target)
+  if(TELETACT_SANITIZE)
+    return()
+  endif()
   get_target_property(sources ${target} SOURCES)
   foreach(source ${sources})
     get_source_file_property(own ${source} COMPILE_OPTIONS)
@@ -123,6 +126,9 @@ endfunction()
 
 # The same with the graph of a box, for what stands above it.
 function(teletact_reads_graph target)
+  if(TELETACT_SANITIZE)
+    return()
+  endif()
   teletact_reads(${target} graph_libraries tools/cmake/precompiled_graph.hpp)
 endfunction()
 
