@@ -65,8 +65,12 @@ void RoadTrust::take_kept(const std::string& folder) {
   kept_ = KeptList(folder, *ca_);
   auto kept = kept_.read(*ca_);
   if (!kept) {
-    kept_problem_ = kept.error() + "; a list that is older than it is not known as such";
-  } else if (kept.value()) {
+    keep_list();
+    if (kept_problem_.empty())
+      kept_problem_ = kept.error() + "; a list that is older than it is not known as such";
+    return;
+  }
+  if (kept.value()) {
     const std::int64_t before = revoked_number(*kept.value()), now = revoked_number(*list_);
     if (before == now) return;
     if (before > now) {
@@ -81,8 +85,8 @@ void RoadTrust::take_kept(const std::string& folder) {
 }
 
 void RoadTrust::keep_list() {
-  const std::string problem = kept_.keep(*list_);
-  if (!problem.empty()) kept_problem_ = problem + ": the list is not kept over a restart";
+  kept_problem_ = kept_.keep(*list_);
+  if (!kept_problem_.empty()) kept_problem_ += ": the list is not kept over a restart";
 }
 
 void RoadTrust::look_at_own() {

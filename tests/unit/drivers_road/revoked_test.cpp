@@ -203,13 +203,18 @@ TEST(Revoked, AnOlderListChangesNothingAfterARestartEither) {
 TEST(Revoked, ABoxThatCanNotKeepItsListSaysSoAndRuns) {
   Lab lab;
   auto options = listening(lab, "rover", rt::Box::kRobot);
-  options.state = "/dev/null/state";
+  lab.issue(rt::Box::kOperator, "bob");
+  options.state = lab.folder.path + "/state";
+  std::ofstream(options.state) << "no folder";
   End robot(options);
   robot.start();
   EXPECT_THAT(robot.link->note(), HasSubstr("the list is not kept over a restart"));
   End op(dialling(lab, "ada", rt::Box::kOperator, robot.link->port()));
   op.start();
   EXPECT_TRUE(wait_for([&] { return op.ready(); })) << op.link->fault();
+  std::filesystem::remove(options.state);
+  lab.revoke("bob");
+  EXPECT_TRUE(wait_for([&] { return robot.link->note().empty(); })) << "the next one is kept";
 }
 
 }  // namespace
