@@ -21,6 +21,13 @@ enum class ViewKind : std::uint8_t {
 };
 inline constexpr std::size_t kViewKinds = 9;  // by number; 0 is none
 
+// Large, and made again and again: held back from a page that has not said of the last ones that it
+// has seen them.
+[[nodiscard]] constexpr bool is_bulk(ViewKind kind) noexcept {
+  return kind == ViewKind::kMesh || kind == ViewKind::kPicture || kind == ViewKind::kCostMap ||
+         kind == ViewKind::kMoving;
+}
+
 // Bytes of the longest body of each kind. A longer one is refused where it is published.
 inline constexpr std::array<std::size_t, kViewKinds> kMostViewBytes = {
     0, 65536, 1024, 0, std::size_t{2} << 20U, std::size_t{1} << 20U, 262144, 65536, 262144};

@@ -15,8 +15,9 @@ namespace {
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 // Too fast for so long: closed.
 constexpr std::int64_t kFast_ns = 2 * kSecond_ns;
-// Acts that are held, sent many times a second, and answered only where they are refused.
-constexpr std::array<std::string_view, 3> kStreams = {"token", "hand", "drive"};
+// Sent many times a second, and answered only where they are refused: acts that are held, and what
+// the page has seen.
+constexpr std::array<std::string_view, 4> kStreams = {"token", "hand", "drive", "seen"};
 
 // Index in kStreams; -1: none.
 int stream_of(std::string_view act) {
@@ -49,6 +50,15 @@ std::optional<ConsoleAnswer> echo_of(const IntentEnvelope& e) {
 bool holds_nothing(const IntentEnvelope& e) {
   const auto holds = e.intent.find("holds");
   return e.act == "token" && holds != e.intent.end() && holds->is_array() && holds->empty();
+}
+
+// Of any role, for the server alone.
+std::optional<ConsoleAnswer> take_seen(WsViewer& viewer, const IntentEnvelope& e) {
+  const auto bytes = e.intent.find("bytes");
+  const bool good = e.intent.size() == 3 && bytes != e.intent.end() &&
+                    bytes->is_number_unsigned() && viewer.seen(bytes->get<std::uint64_t>());
+  if (good) return {};
+  return refusal("intent: bytes: as many as have been seen since the connection stands");
 }
 
 }  // namespace
@@ -109,13 +119,20 @@ std::optional<ConsoleAnswer> ServerCore::do_act(WsViewer& viewer, const IntentEn
     tally.refuse(Refusal::kRate);
     if (too_long) viewer.close(kClosePolicy, "too fast");
     if (e.act == "token") return {};
-    return refusal("too fast: 200 intents a second, of hand and drive 100 each");
+    return refusal("too fast: 200 intents a second, of hand, drive and seen 100 each");
   }
   if (e.id <= viewer.last_id) {
     tally.refuse(Refusal::kEnvelope);
     return refusal("intent: id: not above that of the one before");
   }
   viewer.last_id = e.id;
+  if (e.act == "seen") {
+    auto refused = take_seen(viewer, e);
+    if (!refused) return {};
+    tally.refuse(Refusal::kEnvelope);
+    if (++viewer.refused_form >= WsViewer::kMostRefused) viewer.close(kClosePolicy, "not intents");
+    return refused;
+  }
   const bool asks = e.act == "ask_role", gives = e.act == "give_role", takes = e.act == "take_role";
   if (asks || gives || takes) {
     ++tally.acts;

@@ -35,5 +35,8 @@ void write_view_head(ViewKind kind, std::uint32_t sequence, const ViewStamp& sta
                      std::vector<std::uint8_t>& out);
 [[nodiscard]] ViewBytes make_view(ViewKind kind, std::uint32_t sequence, const ViewStamp& stamp,
                                   std::span<const std::uint8_t> body);
+[[nodiscard]] inline ViewKind kind_of(const std::vector<std::uint8_t>& view) noexcept {
+  return static_cast<ViewKind>(view.front());
+}
 
 }  // namespace teletact

@@ -18,7 +18,7 @@ bool ViewerMailbox::put_answer(ViewBytes answer) {
   return true;
 }
 
-ViewBytes ViewerMailbox::next(const ConsoleMesh& mesh) {
+ViewBytes ViewerMailbox::next(const ConsoleMesh& mesh, bool bulk) {
   if (!answers_.empty()) {
     ViewBytes first = std::move(answers_.front());
     answers_.pop_front();
@@ -27,6 +27,7 @@ ViewBytes ViewerMailbox::next(const ConsoleMesh& mesh) {
   }
   for (std::size_t n = 0; n < kViewKinds; ++n) {
     turn_ = (turn_ + 1) % kViewKinds;
+    if (!bulk && is_bulk(static_cast<ViewKind>(turn_))) continue;
     if (turn_ == static_cast<std::size_t>(ViewKind::kMesh)) {
       if (ViewBytes part = mesh.next(cursor_)) return part;
     } else if (newest_[turn_]) {

@@ -1,6 +1,5 @@
 // What waits for one viewer. Of each kind the newest view; answers in order, with a cap; a cursor
-// in
-// the mesh. Answers go first; the kinds take turns, so a large one starves no other.
+// in the mesh. Answers go first; the kinds take turns, so a large one starves no other.
 #pragma once
 
 #include <array>
@@ -20,8 +19,8 @@ class ViewerMailbox {
   bool put(ViewKind kind, ViewBytes view);
   // False: too many wait; this viewer does not read.
   [[nodiscard]] bool put_answer(ViewBytes answer);
-  // What is to leave next; null: nothing.
-  [[nodiscard]] ViewBytes next(const ConsoleMesh& mesh);
+  // What is to leave next; null: nothing. Without `bulk` none of the large kinds (is_bulk).
+  [[nodiscard]] ViewBytes next(const ConsoleMesh& mesh, bool bulk = true);
   [[nodiscard]] std::size_t bytes() const noexcept;  // of what waits, mesh apart
 
  private:

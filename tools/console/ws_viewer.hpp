@@ -23,21 +23,28 @@ class WsViewer : public std::enable_shared_from_this<WsViewer> {
   using Request = boost::beast::http::request<boost::beast::http::string_body>;
   // Refused so often on one connection for its role or for what it sent: closed.
   static constexpr int kMostRefused = 100;
+  // Bytes of bulk views that a page may leave unseen before the next one. A picture of the default
+  // scene is about 200 kB: two on the way.
+  static constexpr std::uint64_t kMostUnseenBytes = std::uint64_t{256} << 10U;
 
   WsViewer(ServerCore& core, WebStream&& stream, std::uint32_t session, WebPeer peer);
   void run(Request request);
   void pump();  // something may be there to be written
   void close(std::uint16_t code, const char* why);
   void cut();  // without a word
+  // The page has taken in so many bytes of bulk views since this connection stands. What it has not
+  // seen waits in sockets, where nothing newer can replace it: from the first such word on bulk
+  // views wait here. False: more than was sent, or less than it said before.
+  bool seen(std::uint64_t bytes);
   // Each tick: what takes too long is cut.
   void look(std::int64_t now_ns);
 
   const std::uint32_t session;
   const WebPeer peer;
   ViewerMailbox mailbox;
-  // Limits of this session's intents. The streams: token, hand, drive.
+  // Limits of this session's intents. The streams: token, hand, drive, seen.
   RateWindow<200> act_rate;
-  std::array<RateWindow<100>, 3> stream_rates;
+  std::array<RateWindow<100>, 4> stream_rates;
   std::int64_t last_id = -1, fast_since_ns = 0, fast_last_ns = 0;
   int refused_role = 0, refused_form = 0;
 
@@ -53,6 +60,8 @@ class WsViewer : public std::enable_shared_from_this<WsViewer> {
   Request request_;
   ViewBytes out_;
   std::int64_t writing_since_ns_ = 0, closing_since_ns_ = 0;
+  std::uint64_t bulk_sent_ = 0, bulk_seen_ = 0;  // bytes
+  bool tells_ = false;                           // says what it has seen
   bool up_ = false, closing_ = false, cut_ = false;
 };
 

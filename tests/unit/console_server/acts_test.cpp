@@ -1,4 +1,5 @@
 // Over the wire: intents in, answers out, one operator, the stop before all queues.
+#include <atomic>
 #include <chrono>
 #include <cstring>
 #include <thread>
@@ -153,6 +154,32 @@ TEST_F(Console, StreamsHaveTheirOwnLimits) {
   }
   EXPECT_THAT(last, HasSubstr("\"id\":601,\"ok\":true")) << "the fast streams did not use it up";
   EXPECT_GE(refused(Refusal::kRate), 1U);
+}
+
+TEST_F(Console, WhatWasSeenIsForTheServerAndNeverMoreThanWasSent) {
+  std::atomic<int> acts{0};
+  callbacks_.on_act = [&](const teletact::ConsoleAct&) {
+    ++acts;
+    return std::optional(teletact::ConsoleAnswer{true, "", ""});
+  };
+  start();
+  const std::string cookie = join_operator();
+  for (const auto& s : {open(cookie), open(join_viewer(cookie))}) {
+    int id = 0;
+    const auto seen = [&](const std::string& rest) {
+      s->text("{\"id\":" + std::to_string(++id) + ",\"act\":\"seen\"" + rest + "}");
+    };
+    seen(",\"bytes\":0");  // silent: it is right
+    for (const char* wrong : {",\"bytes\":1", "", ",\"bytes\":-1", ",\"bytes\":0.5",
+                              ",\"bytes\":\"0\"", ",\"bytes\":0,\"of\":4"}) {
+      seen(wrong);
+      const std::string answer = s->answer();
+      EXPECT_THAT(answer, HasSubstr("\"id\":" + std::to_string(id) + ",\"ok\":false")) << wrong;
+      EXPECT_THAT(answer, HasSubstr("as many as have been seen")) << wrong;
+    }
+  }
+  EXPECT_EQ(refused(Refusal::kEnvelope), 12U);
+  EXPECT_EQ(acts, 0);
 }
 
 // 1,000 intents are on their way before it, and whoever does them is slow.

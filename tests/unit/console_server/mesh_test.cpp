@@ -1,6 +1,7 @@
 // What waits for a viewer: the mesh by blocks, the newest of each kind, answers in order.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -257,6 +258,20 @@ TEST(ViewerMailboxTest, TheNewestWinsAnswersGoFirstAndNoneStarves) {
   EXPECT_EQ(next(), std::pair(2, 3));
   EXPECT_EQ(next(), std::pair(0, 0));
   EXPECT_EQ(box.bytes(), 0U);
+}
+
+TEST(ViewerMailboxTest, WhatIsSmallGoesPastWhatIsHeldBack) {
+  const ConsoleMesh mesh;
+  ViewerMailbox box;
+  for (const ViewKind kind : {ViewKind::kPicture, ViewKind::kCostMap, ViewKind::kMoving,
+                              ViewKind::kText, ViewKind::kPose, ViewKind::kSelection})
+    box.put(kind, make_view(kind, 1, {}, std::vector<std::uint8_t>(10)));
+  std::vector<int> left;
+  for (const bool bulk : {false, true})
+    while (const ViewBytes v = box.next(mesh, bulk)) left.push_back(int{(*v)[0]});
+  EXPECT_EQ(left.size(), 6U);
+  std::sort(left.begin(), left.begin() + 3);
+  EXPECT_EQ((std::vector<int>{left.begin(), left.begin() + 3}), (std::vector<int>{1, 2, 8}));
 }
 
 TEST(ViewerMailboxTest, AnswersHaveACap) {

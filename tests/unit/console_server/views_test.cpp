@@ -102,6 +102,58 @@ TEST_F(Console, ASlowViewerCostsOnePictureAndNobodyElse) {
   EXPECT_EQ(last, 399U);
 }
 
+// A page that reads its socket at once and takes in what came much later: what it has not seen is
+// bounded, what is small goes past, and what comes next is the newest.
+TEST_F(Console, APageThatSaysWhatItHasSeenIsNotSentMoreThanItTakesIn) {
+  start();
+  const auto page = open(join_operator());
+  ASSERT_TRUE(wait_for([&] { return server_->viewers() == 1; }));
+  const std::vector<std::uint8_t> picture(200'000, 7), pose(64, 1);
+  ASSERT_TRUE(server_->publish(ViewKind::kPicture, {}, picture));
+  EXPECT_EQ(page->next(4).sequence(), 0U);
+  std::uint64_t seen = 200'024;
+  int id = 0;
+  const auto tell = [&] {
+    page->text("{\"id\":" + std::to_string(++id) +
+               ",\"act\":\"seen\",\"bytes\":" + std::to_string(seen) + "}");
+  };
+  // The answer says that what came before it was taken.
+  const auto tell_and_wait = [&] {
+    tell();
+    page->text("{\"id\":" + std::to_string(++id) + ",\"act\":\"hold\"}");
+    EXPECT_THAT(page->answer(), testing::HasSubstr("\"id\":" + std::to_string(id)));
+  };
+  tell_and_wait();
+  for (int round = 0; round < 3; ++round) {
+    std::uint32_t last = 0, pictures = 0;
+    for (int n = 0; n < 20; ++n) {
+      ASSERT_TRUE(server_->publish(ViewKind::kPicture, {}, picture));
+      ASSERT_TRUE(server_->publish(ViewKind::kPose, {}, pose));
+      for (;;) {  // up to this pose, which nothing holds back
+        const auto view = page->next();
+        ASSERT_EQ(view.opcode, 2);
+        if (view.kind() == 2 && view.sequence() == static_cast<std::uint32_t>(20 * round + n))
+          break;
+        if (view.kind() == 4) {
+          ++pictures;
+          last = view.sequence();
+        }
+      }
+    }
+    EXPECT_LE(pictures, 2U);
+    EXPECT_GE(pictures, 1U);
+    EXPECT_LT(last, 20U * static_cast<std::uint32_t>(round) + 20U);
+    seen += 200'024 * std::uint64_t{pictures};
+    tell();
+    // Held back meanwhile: the newest of the round.
+    const auto newest = page->next(4);
+    EXPECT_EQ(newest.sequence(), 20U * static_cast<std::uint32_t>(round) + 20U);
+    seen += 200'024;
+    tell_and_wait();
+  }
+  EXPECT_GT(server_->counts().views_replaced, 40U);
+}
+
 TEST_F(Console, WhoDoesNotReadIsCut) {
   options_.write_limit = std::chrono::milliseconds{500};
   start();

@@ -61,6 +61,7 @@ export class TwinBox {
   private readonly server: Server;
   private readonly sockets = new WebSocketServer({ noServer: true, maxPayload: 4096 });
   private readonly timers: ReturnType<typeof setInterval>[] = [];
+  seen = 0;  // bytes that the page last said
   private last = performance.now();
 
   constructor(private readonly site: string, seed = 1) {
@@ -227,6 +228,10 @@ export class TwinBox {
     if (intent.act === 'token' && typeof intent.t === 'number') {
       const echo = { id: intent.id, ok: true, result: { t: intent.t } };
       socket.send(this.made(7, Buffer.from(JSON.stringify(echo)), -1));
+    }
+    if (intent.act === 'seen') {
+      this.seen = intent.bytes as number;
+      return;
     }
     const idle = intent.act === 'token' && (intent.holds as string[])?.length === 0;
     if (!idle) this.intents.push(intent);

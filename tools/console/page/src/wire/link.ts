@@ -26,6 +26,8 @@ const answerLimit = 5000;  // ms; a later answer is told as news
 const stopLimit = 1000;    // ms until a stop counts as not arrived
 const mostLate = 64;       // acts whose late answer is still known
 const mostKept = 512;      // ms of answers, for their percentile
+const bulk = [3, 4, 5, 6]; // kinds of which the box wants to know that they were seen
+const seenGap = 25;        // ms at least between two words of that
 
 async function post(path: string, body: object, longest?: number): Promise<Response> {
   return fetch(path, {
@@ -52,6 +54,9 @@ export class Link {
   private readonly late = new Map<number, { act: string; sent: number }>();
   private again: ReturnType<typeof setTimeout> | undefined;
   private starts = 0;
+  private seen = 0;  // bytes of bulk views since the socket stands
+  private seenTold = -Infinity;
+  private seenTimer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private readonly events: LinkEvents) {}
 
@@ -97,15 +102,38 @@ export class Link {
       if (socket !== this.socket) return;
       this.delay = firstDelay;
       this.nextId = 1;
+      this.seen = 0;
       this.change('open', '');
     };
     socket.onmessage = event => {
-      if (socket === this.socket && event.data instanceof ArrayBuffer) {
+      if (socket !== this.socket || !(event.data instanceof ArrayBuffer)) return;
+      try {
         this.events.onView(event.data);
+      } finally {
+        this.saw(event.data);
       }
     };
     socket.onclose = event => this.closed(socket, event.code);
     this.socket = socket;
+  }
+
+  // Once a view is taken in: until it is told, the box holds the next ones back, newest wins. So a
+  // page that is slow is behind by what it is at work on, not by what waits in sockets.
+  private saw(view: ArrayBuffer): void {
+    if (!bulk.includes(new Uint8Array(view, 0, 1)[0]!)) return;
+    this.seen += view.byteLength;
+    if (this.seenTimer !== undefined) return;
+    const wait = this.seenTold + seenGap - performance.now();
+    if (wait <= 0) this.tellSeen();
+    else this.seenTimer = setTimeout(() => this.tellSeen(), wait);
+  }
+
+  private tellSeen(): void {
+    clearTimeout(this.seenTimer);
+    this.seenTimer = undefined;
+    if (this.seen === 0) return;  // of a socket that is gone
+    this.seenTold = performance.now();
+    this.tell('seen', { bytes: this.seen });
   }
 
   // Resolves with the box's answer; a lost socket or a silence is a refusal with that reason.
