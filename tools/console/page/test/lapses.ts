@@ -199,3 +199,11 @@ test('the right link, pasted into the tab of a wrong one, opens the room', async
   await until('the role', async () => (await tab.textContent('#chips'))!.includes('Viewer'));
   await other.close();
 });
+
+test('the page says of each large view that it was seen, by connection', async () => {
+  const all = () => twin.seen().some(b => b.seen > 1e5 && b.not === 0);
+  await until('that all is seen', all);
+  twin.dropSockets();
+  await until('that it is gone', () => !all());
+  await until('that all is seen again', all);
+});

@@ -61,7 +61,8 @@ export class TwinBox {
   private readonly server: Server;
   private readonly sockets = new WebSocketServer({ noServer: true, maxPayload: 4096 });
   private readonly timers: ReturnType<typeof setInterval>[] = [];
-  seen = 0;  // bytes that the page last said
+  // Bytes of large views, and what the page said of them.
+  private readonly bulk = new WeakMap<WebSocket, { sent: number; seen: number }>();
   private last = performance.now();
 
   constructor(private readonly site: string, seed = 1) {
@@ -205,6 +206,7 @@ export class TwinBox {
   private join(socket: WebSocket, session: Session): void {
     session.socket?.close(4001, 'this session goes on elsewhere');
     session.socket = socket;
+    this.bulk.set(socket, { sent: 0, seen: 0 });
     if (session.role === 'operator') this.plant.renew();
     socket.on('close', () => {
       if (session.role === 'operator' && session.socket === socket) this.plant.lose();
@@ -213,7 +215,7 @@ export class TwinBox {
     const cells = cutBlocks(this.bodies);
     for (let i = 0; i < cells.length; i += blocksAMessage) {
       const body = meshBody(cells.slice(i, i + blocksAMessage), i / blocksAMessage + 1, i === 0);
-      socket.send(this.made(3, body, this.plant.time));
+      this.sendOne(socket, this.made(3, body, this.plant.time));
     }
     this.sendText();
   }
@@ -230,7 +232,7 @@ export class TwinBox {
       socket.send(this.made(7, Buffer.from(JSON.stringify(echo)), -1));
     }
     if (intent.act === 'seen') {
-      this.seen = intent.bytes as number;
+      this.bulk.get(socket)!.seen = intent.bytes as number;
       return;
     }
     const idle = intent.act === 'token' && (intent.holds as string[])?.length === 0;
@@ -262,8 +264,19 @@ export class TwinBox {
     const bytes = this.made(kind, body, data);
     for (const socket of this.sockets.clients) {
       const ready = socket.readyState === WebSocket.OPEN;
-      if (ready && socket.bufferedAmount < mostWaiting) socket.send(bytes);
+      if (ready && socket.bufferedAmount < mostWaiting) this.sendOne(socket, bytes);
     }
+  }
+
+  private sendOne(socket: WebSocket, bytes: Buffer): void {
+    if (bytes[0]! >= 3 && bytes[0]! <= 6) this.bulk.get(socket)!.sent += bytes.length;
+    socket.send(bytes);
+  }
+
+  // Bytes of large views of which each page has said that it has seen them, and of which not.
+  seen(): { seen: number; not: number }[] {
+    return [...this.sockets.clients].filter(s => s.readyState === WebSocket.OPEN)
+      .map(s => this.bulk.get(s)!).map(b => ({ seen: b.seen, not: b.sent - b.seen }));
   }
 
   private sendPicture(): void {
