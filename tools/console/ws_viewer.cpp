@@ -90,23 +90,18 @@ void WsViewer::pump() {
   if (!up_ || cut_ || closing_ || out_) return;
   {
     const std::lock_guard held(core_.mesh_mutex);
-    out_ = mailbox.next(core_.mesh, !tells_ || bulk_sent_ - bulk_seen_ < kMostUnseenBytes);
+    out_ = mailbox.next(core_.mesh, window_.room());
   }
   if (!out_) return;
-  if (is_bulk(kind_of(*out_))) bulk_sent_ += out_->size();
   writing_since_ns_ = rt::monotonic_ns();
+  if (is_bulk(kind_of(*out_))) window_.sent(out_->size(), writing_since_ns_);
   ws_.async_write(boost::asio::buffer(*out_),
                   [self = shared_from_this()](boost::system::error_code failed, std::size_t bytes) {
                     self->sent(failed, bytes);
                   });
 }
 
-bool WsViewer::seen(std::uint64_t bytes) {
-  if (bytes < bulk_seen_ || bytes > bulk_sent_) return false;
-  bulk_seen_ = bytes;
-  tells_ = true;
-  return true;
-}
+bool WsViewer::seen(std::uint64_t bytes) { return window_.seen(bytes, rt::monotonic_ns()); }
 
 void WsViewer::sent(boost::system::error_code failed, std::size_t bytes) {
   out_ = nullptr;

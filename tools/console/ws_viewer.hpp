@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "tools/console/bulk_window.hpp"
 #include "tools/console/server_core.hpp"
 #include "tools/console/viewer_mailbox.hpp"
 #include "tools/console/web_stream.hpp"
@@ -23,9 +24,6 @@ class WsViewer : public std::enable_shared_from_this<WsViewer> {
   using Request = boost::beast::http::request<boost::beast::http::string_body>;
   // Refused so often on one connection for its role or for what it sent: closed.
   static constexpr int kMostRefused = 100;
-  // Bytes of bulk views that a page may leave unseen before the next one. A picture of the default
-  // scene is about 200 kB: two on the way.
-  static constexpr std::uint64_t kMostUnseenBytes = std::uint64_t{256} << 10U;
 
   WsViewer(ServerCore& core, WebStream&& stream, std::uint32_t session, WebPeer peer);
   void run(Request request);
@@ -60,8 +58,7 @@ class WsViewer : public std::enable_shared_from_this<WsViewer> {
   Request request_;
   ViewBytes out_;
   std::int64_t writing_since_ns_ = 0, closing_since_ns_ = 0;
-  std::uint64_t bulk_sent_ = 0, bulk_seen_ = 0;  // bytes
-  bool tells_ = false;                           // says what it has seen
+  BulkWindow window_;
   bool up_ = false, closing_ = false, cut_ = false;
 };
 
