@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { Obstacle, Vec3 } from '../src/wire/types';
 import { context, desk, plant, twin } from './bench';
-import { until } from './browser';
+import { newPage, until } from './browser';
 
 const { page } = desk;
 const { keyboard, mouse } = page;
@@ -189,7 +189,7 @@ test('Delete takes what is chosen in the scene: a keep-out, a mark; of an object
 
 test('the right link, pasted into the tab of a wrong one, opens the room', async () => {
   const other = await context.browser()!.newContext();
-  const tab = await other.newPage();
+  const tab = await newPage(other);
   const origin = new URL(page.url()).origin;
   await tab.goto(`${origin}/#code=00`);
   await until('the refusal', () => tab.isVisible('#banner'));

@@ -8,7 +8,7 @@
 import { readFileSync } from 'node:fs';
 import { Browser, CDPSession, Page } from 'playwright-core';
 import { Vec3 } from '../src/wire/types';
-import { chromiumProgram, Figures, launch, until } from './browser';
+import { chromiumProgram, Figures, launch, newPage, until } from './browser';
 import { clockOf, watchBorder, watchMesh, watchPage } from './watch';
 
 const pause = 250;         // ms between acts: each one alone
@@ -28,7 +28,7 @@ async function open(browser: Browser, url: string, width: number, height: number
   watched = false): Promise<Page> {
   const context = await browser.newContext({ viewport: { width, height } });
   if (watched) await context.addInitScript(watchPage);
-  const page = await context.newPage();
+  const page = await newPage(context);
   await page.goto(url);
   await until('the page to draw', async () => {
     const f = await figures(page);

@@ -10,7 +10,7 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { Page } from 'playwright-core';
 import { Vec3 } from '../src/wire/types';
-import { chromiumProgram, Figures, launch, until } from './browser';
+import { chromiumProgram, Figures, launch, newPage, until } from './browser';
 
 const most = 120000;  // bytes
 const size = { width: 1280, height: 720 };
@@ -188,7 +188,7 @@ async function main(program: string, folder: string): Promise<void> {
   const browser = await launch();
   try {
     const context = await browser.newContext({ viewport: size, colorScheme: 'dark' });
-    const page = await context.newPage();
+    const page = await newPage(context);
     await page.goto(await url);
     await until('the room', async () => {
       const f = await page.evaluate(() => (window.teletact?.figures() ?? null) as Figures | null);

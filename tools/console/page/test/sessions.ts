@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { browser, context, desk, plant, twin } from './bench';
-import { Desk, until } from './browser';
+import { Desk, newPage, until } from './browser';
 
 const standing = 0.001;  // m/s
 
@@ -137,7 +137,7 @@ test('reload resumes; a second window takes over and the first stays away', asyn
   await desk.page.reload();
   await desk.ready();
   assert.ok(!desk.page.url().includes('code'));
-  const other = await context.newPage();
+  const other = await newPage(context);
   await other.goto(new URL(desk.page.url()).origin);
   await until('the note', () => desk.page.isVisible('#banner'));
   assert.match((await desk.page.textContent('#banner'))!, /another window/);
@@ -172,7 +172,7 @@ test('a viewer sees, does not act, and may stop; on a tablet, in light', async (
 
 test('a used code opens nothing', async () => {
   const stranger = await browser.newContext();
-  const page = await stranger.newPage();
+  const page = await newPage(stranger);
   await page.goto(`${new URL(desk.page.url()).origin}/#code=00`);
   await until('the refusal', () => page.isVisible('#banner'));
   assert.match((await page.textContent('#banner'))!, /no session/);
