@@ -62,7 +62,7 @@ class Page {
   readonly acts = new Acts(this.link, this.store, this.held, say);
   readonly stage = new Stage(by<HTMLCanvasElement>('canvas'));
   readonly mesh = new MeshLayer();
-  readonly picture = new PictureLayer(() => this.stage.touch());
+  readonly picture = new PictureLayer(() => this.stage.touch(), this.stage.software);
   readonly robot = new RobotLayer();
   readonly floor = new FloorLayer();
   readonly things = new ThingsLayer();

@@ -71,7 +71,7 @@ test('colours lie where they were seen from, and old ones are left out', async (
   const before = globalThis.createImageBitmap;
   globalThis.createImageBitmap = (async () =>
     ({ width: 2, height: 2, close: () => {} })) as unknown as typeof createImageBitmap;
-  const layer = new PictureLayer(() => {});
+  const layer = new PictureLayer(() => {}, false);
   const { uniforms } = layer.points.material as THREE.ShaderMaterial;
   const take = async (data: number, x: number, colour: boolean) => {
     const picture: Picture = { width: 2, height: 2, fx: 1, fy: 1, cx: 0.5, cy: 0.5,
@@ -95,4 +95,24 @@ test('colours lie where they were seen from, and old ones are left out', async (
   layer.forget();
   assert.equal(uniforms.has_colour!.value, 0);
   globalThis.createImageBitmap = before;
+});
+
+test('points of a picture: whole pixels apart, no more than the machine that draws may have', () => {
+  for (const [width, height] of [[640, 480], [320, 240], [640, 360], [7, 5], [1, 1]] as const) {
+    const least = new Map<boolean, number>();
+    for (const software of [false, true]) {
+      const layer = new PictureLayer(() => {}, software);
+      const most = software ? 10000 : 60000;
+      layer.take({ width, height, fx: 1, fy: 1, cx: 0, cy: 0, camera: [0, 0, 0, 1, 0, 0, 0],
+        depth: new Uint16Array(width * height), jpeg: null },
+      { kind: 4, flags: 0, sequence: 1, time: 0, data: 0, made: 0 }, 100);
+      const { step_px: step } = (layer.points.material as THREE.ShaderMaterial).uniforms;
+      const drawn = (by: number) => Math.floor(width / by) * Math.floor(height / by);
+      assert.equal(layer.points.geometry.drawRange.count, drawn(step!.value));
+      assert.ok(drawn(step!.value) <= most);
+      assert.ok(step!.value === 1 || drawn(step!.value - 1) > most, 'fewer than need be');
+      least.set(software, step!.value);
+    }
+    assert.ok(least.get(true)! >= least.get(false)!);
+  }
 });

@@ -44,12 +44,20 @@ void main() {
   shown = vec4(mix(c, vec3(0.95, 0.62, 0.0), chosen > 0.5 ? 0.65 : 0.0), 1.0);
 }`;
 
-const mostPoints = 60000;  // beyond, every second pixel each way is left out
+const mostPoints = 60000;  // beyond, pixels are left out: every second each way, or more
+const mostPointsInSoftware = 10000;
 const oldColour = 1;       // s of the box's clock: depth that is so much newer is grey
 
 function placeOf(camera: number[]): THREE.Matrix4 {
   return new THREE.Matrix4().compose(new THREE.Vector3(camera[0], camera[1], camera[2]),
     quaternion(camera.slice(3)), new THREE.Vector3(1, 1, 1));
+}
+
+// Every so many pixels, each way, one is drawn.
+export function stepOf(width: number, height: number, most: number): number {
+  let step = 1;
+  while (Math.floor(width / step) * Math.floor(height / step) > most) ++step;
+  return step;
 }
 
 interface Seen { head: Head; camera: number[] }
@@ -58,6 +66,7 @@ export class PictureLayer {
   readonly points: THREE.Points;
   bitmap: ImageBitmap | null = null;
   onColour: (bitmap: ImageBitmap, head: Head) => void = () => {};
+  private readonly most: number;
   private readonly material: THREE.ShaderMaterial;
   private depth: THREE.DataTexture | null = null;
   private mask: THREE.DataTexture;
@@ -66,7 +75,9 @@ export class PictureLayer {
   private depthSeen: Seen | null = null;
   private colourSeen: Seen | null = null;
 
-  constructor(private readonly changed: () => void) {
+  // `software`: no graphics chip, a point costs microseconds.
+  constructor(private readonly changed: () => void, software: boolean) {
+    this.most = software ? mostPointsInSoftware : mostPoints;
     this.mask = this.plain(new Uint8Array(1), 1, 1);
     this.material = new THREE.ShaderMaterial({
       glslVersion: THREE.GLSL3, vertexShader: vertex, fragmentShader: fragment,
@@ -95,7 +106,7 @@ export class PictureLayer {
       this.depth.image.data = picture.depth;
       this.depth.needsUpdate = true;
     }
-    const step = width * height > mostPoints ? 2 : 1;
+    const step = stepOf(width, height, this.most);
     uniforms.lens!.value.set(picture.fx, picture.fy, picture.cx, picture.cy);
     uniforms.size!.value.set(width, height);
     uniforms.step_px!.value = step;
