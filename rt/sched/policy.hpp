@@ -69,23 +69,25 @@ class LevelControl {
 };
 
 // Leaky bucket on consecutive misses: +1 for a miss, -1 for a job in time; above the limit the
-// task's safe output is forced, and that never waits for a boundary.
+// task's safe output is forced, and that never waits for a boundary. It holds twice the limit: a
+// process that stood still for seconds has thousands of misses, and is well again after as many
+// jobs in time as the limit says, not after seconds of them.
 class MissBucket {
  public:
   explicit MissBucket(int limit) noexcept : limit_(limit) {}
   // Returns true when the limit is passed.
   bool on_job(bool missed, std::uint32_t skipped) noexcept {
     if (missed || skipped > 0)
-      level_ += 1 + static_cast<int>(skipped);
+      level_ = std::min<std::int64_t>(2 * limit_, level_ + 1 + std::int64_t{skipped});
     else if (level_ > 0)
       --level_;
-    return limit_ > 0 && level_ > limit_;
+    return level_ > limit_;
   }
-  [[nodiscard]] int level() const noexcept { return level_; }
+  [[nodiscard]] std::int64_t level() const noexcept { return level_; }
 
  private:
-  int limit_;
-  int level_ = 0;
+  std::int64_t limit_;  // 0: never
+  std::int64_t level_ = 0;
 };
 
 }  // namespace rt

@@ -121,8 +121,23 @@ TEST(MissBucket, LeaksAndForces) {
   for (int i = 0; i < 9; ++i) (void)b.on_job(false, 0);
   EXPECT_EQ(b.level(), 0);
   EXPECT_TRUE(b.on_job(false, 3)) << "skipped releases count, one each";
+  for (int i = 0; i < 9; ++i) (void)b.on_job(false, 0);
+  EXPECT_EQ(b.level(), 0) << "and nothing stays of them";
   MissBucket never(0);
   for (int i = 0; i < 100; ++i) EXPECT_FALSE(never.on_job(true, 9));
+}
+
+// A process that was stopped for 2 s, or a machine that slept for an hour: at 1 kHz that many
+// releases are skipped at once.
+TEST(MissBucket, IsWellAfterAsManyJobsInTimeAsItsLimit) {
+  for (const std::uint32_t skipped : {101U, 2000U, 3'600'000U, 4'294'967'295U}) {
+    MissBucket b(100);
+    EXPECT_TRUE(b.on_job(true, skipped));
+    EXPECT_TRUE(b.on_job(true, skipped));
+    int forced = 0;
+    while (b.on_job(false, 0)) ++forced;
+    EXPECT_EQ(forced, 99) << skipped;
+  }
 }
 
 }  // namespace
