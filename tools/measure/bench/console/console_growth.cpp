@@ -1,5 +1,6 @@
 // Memory of server and page over many views, two viewers, many reloads. No box: the server alone,
-// with views like those of a run, published as fast as the viewers take them.
+// with views like those of a run, published as fast as the viewers take them until an hour's worth is
+// taken, then at the rate of a run until all reloads are done.
 #include <unistd.h>
 
 #include <algorithm>
@@ -31,6 +32,7 @@ constexpr int kReloads = 200;
 constexpr std::uint64_t kFewer = 10;  // so many times less without --long
 constexpr double kLeast_s = 30;       // memory is looked at every other second
 constexpr double kMost_s = 1500;
+constexpr milliseconds kFramePeriod{33};
 constexpr int kWidth = 160, kHeight = 120;
 constexpr float kBlockEdge_m = 0.16F;
 
@@ -129,6 +131,15 @@ class Views {
 
 std::uint64_t sent(const ConsoleServer& server) { return server.counts().views_sent; }
 
+// At the rate of a run: what an hour's worth is has been taken, and reloads need the processors.
+void publish_at_rate(Views& views, milliseconds how_long) {
+  const auto end = Clock::now() + how_long;
+  while (Clock::now() < end) {
+    views.publish();
+    std::this_thread::sleep_for(kFramePeriod);
+  }
+}
+
 // The next views come when the last have left; a viewer that is slow holds nobody up for long.
 void publish_for(ConsoleServer& server, Views& views, milliseconds how_long) {
   constexpr milliseconds kPatience{30};
@@ -181,7 +192,10 @@ void measure_growth(std::ostream& progress, const ConsoleBenchOptions& options, 
   // reloads.
   while (out.messages < messages || out.reloads < reloads || passed_s() < least_s ||
          out.heap_MB.size() < Growth::kLeast) {
-    publish_for(server, views, milliseconds{1000});
+    if (out.messages < messages)
+      publish_for(server, views, milliseconds{1000});
+    else
+      publish_at_rate(views, milliseconds{1000});
     read_lines(script.said(), out);
     out.messages = sent(server);
     if (!out.heap_MB.empty()) out.server_MB.push_back(resident_MB());
