@@ -97,7 +97,7 @@ test('colours lie where they were seen from, and old ones are left out', async (
   globalThis.createImageBitmap = before;
 });
 
-test('points of a picture: whole pixels apart, no more than the machine that draws may have', () => {
+test('points of a picture: whole pixels apart, no more than who draws may have', () => {
   for (const [width, height] of [[640, 480], [320, 240], [640, 360], [7, 5], [1, 1]] as const) {
     const least = new Map<boolean, number>();
     for (const software of [false, true]) {

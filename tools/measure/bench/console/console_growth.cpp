@@ -1,6 +1,6 @@
 // Memory of server and page over many views, two viewers, many reloads. No box: the server alone,
-// with views like those of a run, published as fast as the viewers take them until an hour's worth is
-// taken, then at the rate of a run until all reloads are done.
+// with views like those of a run, published as fast as the viewers take them until an hour's worth
+// is taken, then at the rate of a run until all reloads are done.
 #include <unistd.h>
 
 #include <algorithm>
