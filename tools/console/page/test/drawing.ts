@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import * as THREE from 'three';
 import { FrameBudget } from '../src/view/budget';
+import { FloorLayer } from '../src/view/floor_layer';
 import { MeshLayer } from '../src/view/mesh_layer';
 import { Block } from '../src/wire/types';
 
@@ -127,4 +128,16 @@ test('a restart begins with nothing', () => {
   put(mesh, [square(1, 0, 0.1, 1)], true);
   assert.equal(mesh.blocks, 1);
   assert.equal(height(mesh, 0.1, 0.1), null);
+});
+
+test('the cost map: what is free is clear, what is not known and what blocks are woven', () => {
+  const floor = new FloorLayer();
+  floor.takeCost({ width: 3, height: 2, resolution: 0.05, origin: [0, 0, 0, 1, 0, 0, 0],
+    cost: new Uint8Array([0, 130, 255, 254, 253, 255]) });
+  const { material } = (floor.cost.children[0] as THREE.Group).children[0] as
+    THREE.Mesh<THREE.PlaneGeometry, THREE.MeshBasicMaterial>;
+  const { data } = (material.map as THREE.DataTexture).image;
+  const pixels = Array.from({ length: 6 }, (_, i) => [...data!.slice(4 * i, 4 * i + 4)]);
+  assert.deepEqual(pixels, [[0, 158, 115, 0], [230, 159, 0, 80], [120, 120, 130, 70],
+    [213, 94, 0, 110], [230, 159, 0, 127], [120, 120, 130, 20]]);
 });

@@ -8,6 +8,18 @@ const unknown = 255;
 const postHeight = 0.3;  // m
 const mostPosts = 2048;  // as many as a cost map says that move
 
+// Free is clear, dear is orange, blocked is red with a weave, unknown a grey weave: no two are told
+// apart by hue alone. `on`: of the weave's two.
+function shade(cost: number, on: boolean): number[] {
+  return cost === unknown ? [120, 120, 130, on ? 70 : 20]
+    : cost >= blocked ? [213, 94, 0, on ? 190 : 110]
+    : cost > 0 ? [230, 159, 0, 30 + Math.round(cost / 2.6)] : [0, 158, 115, 0];
+}
+
+// Little-endian pixels of each cost, of both kinds of cells of the weave.
+const shades = [false, true].map(on => new Uint32Array(Uint8Array.from(
+  Array.from({ length: 256 }, (_, cost) => shade(cost, on)).flat()).buffer));
+
 export class FloorLayer {
   readonly group = new THREE.Group();
   readonly cost = new THREE.Group();
@@ -36,19 +48,13 @@ export class FloorLayer {
     this.group.add(this.cost, this.posts, this.path);
   }
 
-  // Free is clear, dear is orange, blocked is red with a weave, unknown a grey weave: no two are
-  // told apart by hue alone.
   takeCost(map: CostMap): void {
-    const pixels = new Uint8Array(4 * map.width * map.height);
-    for (let i = 0; i < map.cost.length; ++i) {
-      const cost = map.cost[i]!;
-      const weave = ((i % map.width) + Math.floor(i / map.width)) % 2 === 0;
-      const shown = cost === unknown ? [120, 120, 130, weave ? 70 : 20]
-        : cost >= blocked ? [213, 94, 0, weave ? 190 : 110]
-        : cost > 0 ? [230, 159, 0, 30 + Math.round(cost / 2.6)] : [0, 158, 115, 0];
-      pixels.set(shown, 4 * i);
+    const { width, height, cost } = map;
+    const pixels = new Uint32Array(width * height);
+    for (let y = 0, i = 0; y < height; ++y) {
+      for (let x = 0; x < width; ++x, ++i) pixels[i] = shades[(x + y + 1) % 2]![cost[i]!]!;
     }
-    this.show(pixels, map);
+    this.show(new Uint8Array(pixels.buffer), map);
     const [w, h] = [map.width * map.resolution, map.height * map.resolution];
     this.plane.scale.set(w, h, 1);
     this.plane.position.set(w / 2, h / 2, 0.012);

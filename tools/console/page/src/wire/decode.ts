@@ -28,10 +28,11 @@ class Reader {
   vec3(): Vec3 { return [this.f32(), this.f32(), this.f32()]; }
 
   // A copy, so that a large message is not kept alive by a small part of it.
-  take(count: number): Uint8Array {
-    const start = this.step(count);
-    if (start + count > this.bytes.byteLength) throw new RangeError('message is too short');
-    return new Uint8Array(this.bytes.slice(start, start + count));
+  take(count: number): Uint8Array<ArrayBuffer> { return this.part(count).slice(); }
+
+  // In place: of what is used up at once, or is most of its message.
+  part(count: number): Uint8Array<ArrayBuffer> {
+    return new Uint8Array(this.bytes, this.step(count), count);
   }
 
   private step(count: number): number {
@@ -85,8 +86,8 @@ function readVertices(r: Reader, b: BlockHead, edge: number): [Float32Array, Uin
   const positions = new Float32Array(3 * b.nv);
   const colours = new Uint8Array(3 * b.nv);
   const scale = spread * edge / 65535;
-  const bytes = r.take(vertexBytes * b.nv);
-  const steps = new Uint16Array(bytes.buffer);
+  const bytes = r.part(vertexBytes * b.nv);
+  const steps = new Uint16Array(bytes.buffer, bytes.byteOffset, vertexBytes / 2 * b.nv);
   const [x, y, z] = [(b.x - margin) * edge, (b.y - margin) * edge, (b.z - margin) * edge];
   for (let v = 0; v < b.nv; ++v) {
     const from = vertexBytes / 2 * v;
@@ -131,11 +132,11 @@ export function readPicture(bytes: ArrayBuffer): Picture {
   const [depthBytes, colourBytes, colourKind] = [r.u32(), r.u32(), r.u8()];
   r.skip(3);
   if (depthBytes !== 0 && depthBytes !== 2 * width * height) throw new RangeError('depth size');
-  const depth = r.take(depthBytes);
-  const colour = r.take(colourBytes);
+  const depth = r.part(depthBytes);
+  const colour = r.part(colourBytes);
   return {
     width, height, fx, fy, cx, cy, camera,
-    depth: new Uint16Array(depth.buffer),
+    depth: new Uint16Array(depth.buffer, depth.byteOffset, depthBytes / 2),
     jpeg: colourKind === 1 ? colour : null,
   };
 }
