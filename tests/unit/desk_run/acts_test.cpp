@@ -324,7 +324,7 @@ TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
   options.fault_plan = (desk_run::folder() / "still.toml").string();
   std::ofstream(options.fault_plan) << "name = 'still'\npurpose = 'robot_io stands still'\n"
                                        "[[fault]]\nkind = 'late_release'\ntarget = 'robot_io'\n"
-                                       "first = 1500\nmagnitude_us = 400000\n";
+                                       "first = 1500\ncount = 1\nmagnitude_us = 400000\n";
   Person p;
   p.viewers = 1;
   json stopped, after;
