@@ -20,7 +20,7 @@ const keyStep = 0.025;      // of the picture, an arrow key
 
 const scene = async () => (await page.textContent('#pane-scene'))!;
 const row = (name: string) => page.textContent(`#pane-scene .row:has-text("${name}")`);
-const body = (name: string) => bodies.find(b => b.name === name)!;
+export const body = (name: string) => bodies.find(b => b.name === name)!;
 
 test('the border of the picture says that it is live', async () => {
   await until('a live picture', () => page.evaluate(() => {
@@ -49,7 +49,7 @@ function entered(thing: Body, eye: Vec3, aimed: Vec3): Vec3 {
   return eye.map((v, k) => v + t * (aimed[k]! - v)) as Vec3;
 }
 
-async function clicked(thing: Body, points: Vec3[]): Promise<void> {
+export async function clicked(thing: Body, points: Vec3[]): Promise<void> {
   for (const p of points) {
     const aimed = entered(thing, await page.evaluate(() => window.teletact.eye()),
       fromBody(thing, p));
@@ -70,12 +70,8 @@ async function showPicture(on: boolean): Promise<void> {
   await page.click('#tabs button:has-text("Scene")');
 }
 
-test('three clicked points of a box at a random place, on the rebuilt surface', async () => {
-  const box = body('pedestal');
-  await wholeMesh();
-  await showPicture(false);
-  await desk.tool('Touch');
-  // On the side that the robot sees best.
+// Three points on the side that the robot sees best from where it began.
+export function besideOf(box: Body): Vec3[] {
   const sides: Vec3[] = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]];
   const middle = fromBody(box, [0, 0, 0]);
   const faces = (n: Vec3) => fromBody(box, n).reduce((sum, v, k) =>
@@ -83,7 +79,15 @@ test('three clicked points of a box at a random place, on the rebuilt surface', 
   const n = sides.sort((a, b) => faces(b) - faces(a))[0]!;
   const on = (across: number, up: number): Vec3 => [
     box.half[0] * (n[0] || across), box.half[1] * (n[1] || across), up * box.half[2]];
-  await clicked(box, [on(0, 0), on(0.4, 0.5), on(-0.4, -0.3)]);
+  return [on(0, 0), on(0.4, 0.5), on(-0.4, -0.3)];
+}
+
+test('three clicked points of a box at a random place, on the rebuilt surface', async () => {
+  const box = body('pedestal');
+  await wholeMesh();
+  await showPicture(false);
+  await desk.tool('Touch');
+  await clicked(box, besideOf(box));
   await showPicture(true);
 });
 
