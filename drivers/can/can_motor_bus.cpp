@@ -87,6 +87,7 @@ BusStatus CanMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
     return BusStatus::kFrameLost;
   }
   if (rearming()) detail_.trouble = BusTrouble::kRearming;
+  if (safe_.load(std::memory_order_acquire)) detail_.trouble = BusTrouble::kMadeSafe;
   write_states(now, states);
   return BusStatus::kOk;
 }

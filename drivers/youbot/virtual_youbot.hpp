@@ -74,6 +74,9 @@ class VirtualYoubot final : public MotorBus {
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
   [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
+  [[nodiscard]] BusDetail detail() const noexcept override {
+    return {.trouble = safe() ? BusTrouble::kMadeSafe : BusTrouble::kNone};
+  }
   void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
 
   // Owner's thread only, from here on.

@@ -121,6 +121,7 @@ BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   }
   if (take_states(now, states) && ready_) {
     if (rearming()) detail_.trouble = BusTrouble::kRearming;
+    if (safe_.load(std::memory_order_acquire)) detail_.trouble = BusTrouble::kMadeSafe;
     look_at_arm();
     return BusStatus::kOk;
   }

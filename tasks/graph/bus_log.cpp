@@ -83,6 +83,9 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
   for (std::size_t i = 0; i < joint_.size(); ++i)
     joint_[i] = sites.add<unsigned, unsigned, unsigned>(
         nrt, level, line_of(f::kJointUnable, std::string("slave {}, arm {} joint {}, ") + kWhy[i]));
+  made_safe_ = sites.add<>(nrt, level,
+                           line_of(f::kMadeSafe, "its motors were stopped: too many of its "
+                                                 "deadlines were missed, or a job of it hung"));
   down_ = sites.add<>(nrt, level, line_of(f::kBusDown, "the motor bus is down"));
   std::size_t n = 0;
   for (const auto& flag : drivers::tmcl::motor_flags()) {
@@ -140,6 +143,9 @@ void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcep
     }
     case robot_io_fault::kModuleRefuses:
       log.write(module_refuses_, now, slave);
+      break;
+    case robot_io_fault::kMadeSafe:
+      log.write(made_safe_, now);
       break;
     case robot_io_fault::kEncoderStands:
       log.write(encoder_stands_, now, wheel);

@@ -26,7 +26,7 @@ class BusLog {
   rt::LogSite<unsigned> module_silent_, module_refuses_;            // of a CAN bus
   std::array<rt::LogSite<unsigned, unsigned, unsigned>, 4> joint_;  // by cause: slave, arm, joint
   rt::LogSite<> bus_off_, queue_full_, interface_down_;
-  rt::LogSite<> working_counter_, link_down_, down_;
+  rt::LogSite<> working_counter_, link_down_, down_, made_safe_;
 };
 
 }  // namespace tasks

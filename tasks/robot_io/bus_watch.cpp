@@ -57,8 +57,12 @@ Health BusWatch::cycle(BusStatus read, BusStatus sent, const drivers::BusDetail&
   takes_setpoints_ = good && d.trouble == BusTrouble::kNone;
   if (good) {
     bad_in_row_ = 0;
-    if (!of_joint(d.trouble)) return Health::ok();
-    report_ = {robot_io_fault::kJointUnable, d, -1, 0};
+    if (d.trouble == BusTrouble::kMadeSafe)
+      report_ = {robot_io_fault::kMadeSafe, d, -1, 0};
+    else if (of_joint(d.trouble))
+      report_ = {robot_io_fault::kJointUnable, d, -1, 0};
+    else
+      return Health::ok();
     return Health::of(Severity::kSafeStop, report_.fault);
   }
   ++bad_;
@@ -87,7 +91,7 @@ Health BusWatch::motors(const rt::Tick& tick, const drivers::MotorStates& m) noe
   for (const Kind& k : kinds) {
     for (std::size_t w = 0; w < m.flags.size(); ++w) {
       if ((m.flags[w] & k.bits) == 0) continue;
-      if (report_.fault == robot_io_fault::kJointUnable) return Health::ok();  // that one first
+      if (report_.fault != rt::kNoFault) return Health::ok();  // of the cycle: that one first
       report_ = {k.fault, {}, static_cast<int>(w), m.flags[w]};
       return Health::of(Severity::kSafeStop, k.fault);
     }

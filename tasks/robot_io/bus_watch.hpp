@@ -7,6 +7,8 @@
 //   that is silent, or refuses what it is told                  safe stop
 //   a motor's own fault, its I2t limit, its timeout             safe stop
 //   a joint of the arm that its drive can not hold              safe stop
+//   motors that the executor has stopped (make_safe): too many
+//   misses, or a job that hung                                  safe stop
 //   told to turn, and the encoder stands for 100 ms             safe stop
 //
 // Such a joint sinks, as the arm has no brakes: its base is not to drive on below it.
@@ -55,6 +57,7 @@ inline constexpr rt::FaultId kModuleSilent = 527;
 inline constexpr rt::FaultId kQueueFull = 528;
 inline constexpr rt::FaultId kInterfaceDown = 529;
 inline constexpr rt::FaultId kModuleRefuses = 530;
+inline constexpr rt::FaultId kMadeSafe = 532;
 }  // namespace robot_io_fault
 
 class BusWatch {

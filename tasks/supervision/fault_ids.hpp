@@ -252,6 +252,10 @@ inline constexpr std::array kFaultTable = {
            "safe stop; that joint sinks, the others hold; the log names the slave and why",
            "keep clear of the arm; remove what the log names, then clear until the box holds; "
            "no commutation: `teletact youbot setup`"},
+  FaultRow{532, "F-RIO-32", rt::Severity::kSafeStop, ClearRule::kOperator,
+           "robot_io: too many deadlines were missed, or a job hung: its motors were stopped",
+           "motors off at once; safe stop",
+           "look at the load of the robot's box (`teletact status`), then clear"},
   FaultRow{590, "F-RIO-90", rt::Severity::kSafeStop, ClearRule::kOperator,
            "robot_io: the task is silent",
            "safe stop; the watchdog stops the motors",

@@ -40,6 +40,17 @@ TEST(RobotIoBusFault, EachIsNamedStopsAndIsRecoveredFromByAnAct) {
   }
 }
 
+// The executor's own: too many misses, or a job that hung. No state of the bus tells it.
+TEST(RobotIoMadeSafe, IsToldAndEndsByAnAct) {
+  const Fault made_safe{"made safe", [](Base& b) { b.bus->make_safe(); }, [](Base&) {},
+                        fault::kMadeSafe, 2};
+  for (const Wire wire : {Wire::kNone, Wire::kChain, Wire::kCan}) {
+    Base b(wire);
+    named_stopped_recovered(b, made_safe);
+    if (HasFatalFailure()) return;
+  }
+}
+
 // Its encoders are read on: the robot's state follows the base until it stands, and after that.
 TEST(RobotIoBusFault, TheStateFollowsABaseThatRollsOut) {
   Base b(true);
