@@ -84,8 +84,9 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
     joint_[i] = sites.add<unsigned, unsigned, unsigned>(
         nrt, level, line_of(f::kJointUnable, std::string("slave {}, arm {} joint {}, ") + kWhy[i]));
   made_safe_ = sites.add<>(nrt, level,
-                           line_of(f::kMadeSafe, "its motors were stopped: too many of its "
-                                                 "deadlines were missed, or a job of it hung"));
+                           line_of(f::kMadeSafe,
+                                   "its motors were stopped: too many of its "
+                                   "deadlines were missed, or a job of it hung"));
   down_ = sites.add<>(nrt, level, line_of(f::kBusDown, "the motor bus is down"));
   std::size_t n = 0;
   for (const auto& flag : drivers::tmcl::motor_flags()) {
