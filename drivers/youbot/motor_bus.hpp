@@ -44,7 +44,6 @@ enum class BusTrouble : std::uint8_t {
   kSlaveState,      // `slave` is not in OP
   kNotReady,        // a wheel does not know its commutation
   kRearming,        // status kOk: latches are being cleared, the wheels take no setpoint yet
-  kMadeSafe,        // status kOk: make_safe() was called, the wheels take none until rearm()
   // Of a CAN bus. `slave` is the module: wheel 1 to 4.
   kBusOff,         // the controller has switched itself off
   kModuleSilent,   // `slave` tells no position
@@ -55,7 +54,9 @@ enum class BusTrouble : std::uint8_t {
   kJointNotCommutated,
   kJointTimeout,
   kJointI2t,
-  kJointFault  // its drive's own fault
+  kJointFault,  // its drive's own fault
+  // Status kOk: make_safe() was called, and the wheels take no setpoint until rearm().
+  kMadeSafe
 };
 struct BusDetail {
   BusTrouble trouble = BusTrouble::kNone;
