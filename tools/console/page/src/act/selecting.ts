@@ -59,8 +59,9 @@ export class Selecting {
     if (!this.proposal) return;
     const keys = name ? { proposal: this.proposal.proposal, name }
       : { proposal: this.proposal.proposal };
+    const { clicks } = this;
     const answer = await this.acts.ask('accept', keys, 'The object is known now.');
-    if (answer.ok) this.drop();
+    if (answer.ok && this.clicks === clicks) this.drop();  // else others have begun meanwhile
   }
 
   // What is proposed, in words.
