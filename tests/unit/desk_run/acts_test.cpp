@@ -362,6 +362,28 @@ TEST(DeskRun, ASafeStopOfTheRobotAloneIsTheReasonWhyAnEngageIsRefused) {
   EXPECT_FALSE(after.contains("robot_cause"));
 }
 
+// Each job late: the executor stops the motors again and again. That is told, and no clear helps.
+TEST(DeskRun, ARobotThatIsAlwaysLateIsToldAndClearingItIsRefused) {
+  auto s = desk_run::scene();
+  DemoOptions options;
+  options.fault_plan = (desk_run::folder() / "late.toml").string();
+  std::ofstream(options.fault_plan) << "name = 'late'\npurpose = 'each job of robot_io is late'\n"
+                                       "[[fault]]\nkind = 'late_release'\ntarget = 'robot_io'\n"
+                                       "first = 1500\nmagnitude_us = 400000\n";
+  Person p;
+  p.viewers = 1;
+  json after;
+  std::int64_t cleared = 0;
+  p.act = [&](double t) {
+    if (p.once("clear", t, 3.0)) cleared = p.say({{"act", "clear"}});
+    if (p.once("end", t, 5.4)) after = json::parse(p.text);
+  };
+  static_cast<void>(desk_run::run(*s, 5.8, p, options));
+  EXPECT_FALSE(p.answers.at(cleared).ok);
+  EXPECT_EQ(after.value("robot_mode", ""), "safe stop");
+  EXPECT_THAT(after["faults"].dump(), HasSubstr("F-RIO-32"));
+}
+
 // A clear while the cause lasts is no success, and says what is still there.
 TEST(DeskRun, AClearThatEndsNothingIsRefused) {
   auto s = desk_run::scene();
