@@ -49,7 +49,7 @@ struct BusReport {
   std::uint32_t flags = 0;    // of that motor
 };
 
-// Of the arm and of a CAN bus; each is a safe stop.
+// Of the arm, of a CAN bus, and of the executor; each is a safe stop.
 namespace robot_io_fault {
 inline constexpr rt::FaultId kJointUnable = 531;
 inline constexpr rt::FaultId kBusOff = 526;
