@@ -76,7 +76,7 @@ test('clicks while the base drives meet the surface where it is', async () => {
   let onTheWay = 0;
   await until('clicks on the way', async () => {
     await keyDown();
-    for (const p of besideOf(box)) {
+    for (const p of await besideOf(box)) {
       if (onTheWay >= 2 || (await pose()).velocity[0] > -0.1) break;
       await clicked(box, [p]);
       if ((await pose()).velocity[0] < -0.1) ++onTheWay;
