@@ -6,6 +6,7 @@ import './held';
 import './picture_age';
 import './picture_hit';
 import './drawing';
+import './selecting';
 import './picture_shown';
 import './acts';
 import './sessions';
