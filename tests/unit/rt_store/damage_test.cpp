@@ -302,4 +302,25 @@ TEST(StoreFuzz, ADamagedPayloadWithARightCrcDoesNoHarm) {
   EXPECT_GT(refused, 100);
 }
 
+TEST(StorePart, AsManyLevelsAsATaskMayHaveComeBackAndOneMoreIsRefused) {
+  for (const std::size_t extra : {0U, 1U}) {
+    rt::Part part;
+    rt::TaskPast past;
+    past.levels.resize(rt::TaskPast::kMaxLevels + extra);
+    for (std::size_t i = 0; i < past.levels.size(); ++i) {
+      past.levels[i].jobs = i + 1;
+      past.levels[i].cpu.record(static_cast<std::int64_t>(1000 * (i + 1)));
+    }
+    part.tasks.emplace(std::uint16_t{7}, past);
+    const auto bytes = rt::encode_part(part);
+    const auto back = rt::decode_part(bytes);
+    ASSERT_EQ(static_cast<bool>(back), extra == 0) << extra;
+    if (!back) continue;
+    const auto& levels = back.value().tasks.at(7).levels;
+    ASSERT_EQ(levels.size(), rt::TaskPast::kMaxLevels);
+    EXPECT_EQ(levels.back().jobs, rt::TaskPast::kMaxLevels);
+    EXPECT_EQ(rt::encode_part(back.value()), bytes);
+  }
+}
+
 }  // namespace
