@@ -21,6 +21,7 @@
 #include <cstdint>
 
 #include "drivers/link/messages.hpp"
+#include "drivers/link/wire.hpp"
 
 namespace drivers {
 
@@ -86,9 +87,6 @@ class CommandGate {
   [[nodiscard]] const Report& report() const noexcept { return report_; }
 
  private:
-  // A clock that drifts is measured with an error; the sender's own tick adds to it.
-  static constexpr rt::Nanos kAhead = std::chrono::milliseconds{50};
-
   [[nodiscard]] static bool within(double v, double most) noexcept {
     return std::isfinite(v) && std::abs(v) <= most;
   }

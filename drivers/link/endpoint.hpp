@@ -81,6 +81,10 @@ class LinkEndpoint {
   [[nodiscard]] rt::Time to_local(std::int64_t remote_ns) const noexcept {
     return clock_.to_local({other(), remote_ns});
   }
+  // Of that message too: what it says was made later than it arrived, beyond doubt.
+  [[nodiscard]] bool from_ahead(rt::Time made) const noexcept {
+    return made > arrived_ + unsure() + kAhead;
+  }
 
   struct Stats {
     std::array<std::uint64_t, kMessageIds + 1> sent{}, received{}, refused{};

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "drivers/link/depth_codec.hpp"
+#include "drivers/link/wire.hpp"
 #include "rt/hash.hpp"
 
 namespace drivers {
@@ -363,7 +364,7 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   k.fx = get_double(at), k.fy = get_double(at), k.cx = get_double(at), k.cy = get_double(at);
   const auto check = get<std::uint64_t>(at);
   if (box > 1 || !good_flags(flags) || codec > kLastDepthCodec ||
-      joints > perception::JointAngles::kMost || !plausible(k) ||
+      joints > perception::JointAngles::kMost || !plausible(k) || !plausible_instant(exposure_ns) ||
       depth_size > EncodedFrame::kMaxDepthBytes || colour_size > EncodedFrame::kMaxColourBytes ||
       ((flags & 1U) == 0) != (colour_size == 0)) {
     return FrameStatus::kBadHeader;

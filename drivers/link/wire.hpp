@@ -32,6 +32,10 @@ inline constexpr std::size_t kMaxControlBody = 512;
   return ns >= -1'000'000'000'000'000'000 && ns <= 1'000'000'000'000'000'000;
 }
 
+// What was made later than it arrived, beyond the clocks' doubt and this, is refused: a clock that
+// drifts is measured with an error, and the sender's own tick adds to it.
+inline constexpr rt::Nanos kAhead = std::chrono::milliseconds{50};
+
 // Hash over the field lists of all messages: two programs talk only when it is equal. `pictures`:
 // how frames are coded, where they are coded on demand (PictureConfig::dialect()); then the report
 // of frames is among the messages, and both ends must have the same codecs.

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
+#include <system_error>
 
 #include "rt/audit/run_file.hpp"
 #include "rt/hash.hpp"
@@ -52,7 +53,10 @@ BlackBoxWriter::BlackBoxWriter(const std::string& path, const RunLog& header, Na
     if (error == 0) map_ = static_cast<std::byte*>(map);
   }
   if (fd >= 0) ::close(fd);
-  if (error != 0) throw std::runtime_error(path + ": no black box: " + std::strerror(error));
+  if (error != 0) {
+    ::unlink(path.c_str());
+    throw std::system_error(error, std::generic_category(), path + ": no black box");
+  }
   std::memcpy(map_, text.data(), text.size());
 }
 

@@ -38,7 +38,6 @@ std::unique_ptr<StoreDisk> empty_folder(const std::string& folder) {
 RunStore::RunStore(const std::string& folder, const RunLog& header, const StoreOptions& options)
     : disk_(empty_folder(folder)), options_(options), folder_(header), cap_(options.cap_bytes) {
   begin(header);
-  if (!problem_.empty()) throw std::runtime_error(folder + ": " + problem_);
 }
 
 RunStore::RunStore(std::unique_ptr<StoreDisk> disk, const RunLog& header,

@@ -35,6 +35,8 @@ void receive_edge(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint, Seen see
                           if (!drivers::decode(body, m)) return false;
                           const std::int64_t made_ns = rt::ns_of(edge::datum(m));
                           to_local(m, endpoint);
+                          // Readers know age and order by it: what is newest for ever ends both.
+                          if (endpoint.from_ahead(edge::datum(m))) return false;
                           cells.template begin_write<E>() = m;
                           cells.template publish<E>(endpoint.arrived(), endpoint.unsure());
                           seen(m, made_ns, body.size());

@@ -81,8 +81,10 @@ void receive_pictures(rt::NonRealtime& nrt, EdgeCells<rt::Box::kOperator>& cells
         d.report.arrived = endpoint.arrived_seq();
         d.report.key_wanted = 1;  // unless it is decoded
         if (drivers::read_wire(body, d.encoded) != drivers::FrameStatus::kOk) return false;
-        auto& slot = cells.begin_write<EdgeId::kFrame>();
         const rt::Time exposure = endpoint.to_local(d.encoded.exposure.ns);
+        // Fusion takes pictures in order of exposure: after one from ahead it would take none.
+        if (endpoint.from_ahead(exposure)) return false;
+        auto& slot = cells.begin_write<EdgeId::kFrame>();
         const auto status = drivers::decode(d.encoded, exposure, d.scratch, slot);
         if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kWithoutColour)
           return false;

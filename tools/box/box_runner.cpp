@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 
 #include "drivers/road/pem.hpp"
@@ -234,6 +235,18 @@ void BoxRunner::watch(Watch& w, rt::RunStore& writer, const std::function<void()
   }
 }
 
+// A box that comes back on a full disk goes on without one, as when the disk fills later.
+void BoxRunner::begin_black_box(const rt::RunLog& header) {
+  if (options.black_box_s <= 0) return;
+  try {
+    black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
+    black_box->catch_crashes();
+  } catch (const std::system_error& e) {
+    if (e.code() != std::errc::no_space_on_device && e.code() != std::errc::file_too_large) throw;
+    refused.tell(name(), plan.folder + "/" + name() + ".blackbox", "this run has no black box");
+  }
+}
+
 void BoxRunner::end_black_box(bool asked) const {
   if (!black_box) return;
   black_box->end(asked ? kAskedToEnd : hangs > 0 ? "a task hung and was made safe" : "");
@@ -253,10 +266,7 @@ void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::strin
   writer = std::make_unique<rt::RunStore>(file, header, options.store);
   store = writer.get();
   StoreWatch told(*writer, box, file, refused);
-  if (options.black_box_s > 0) {
-    black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
-    black_box->catch_crashes();
-  }
+  begin_black_box(header);
   for (const auto& note : executor.notes())
     std::ofstream(plan.folder + "/notes", std::ios::app) << note << '\n';
   const auto missing_before = executor.missing().size();

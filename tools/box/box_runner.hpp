@@ -81,6 +81,7 @@ struct BoxRunner {
   // To whoever watches this program, to the log, and so to the black box.
   void tell(const std::string& line) const;
   void tell_rights() const;
+  void begin_black_box(const rt::RunLog& header);
   void end_black_box(bool asked) const;
   [[nodiscard]] BoxStatus status() const;
   void add_link(BoxStatus& status) const;

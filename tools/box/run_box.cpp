@@ -137,7 +137,7 @@ void choose_shape(const BoxCommand& command, Scene& scene) {
 void check_link(const BoxCommand& command) {
   if (command.plain) return;
   const auto good = drivers::RoadLink::check(road_of(command));
-  if (!good) throw std::runtime_error(good.error());
+  if (!good) throw CouldNotStart(good.error());
 }
 
 int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,

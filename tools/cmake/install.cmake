@@ -8,6 +8,7 @@
 #   lib/systemd/system/                   units that run a box as a service
 #   lib/sysusers.d/teletact.conf          their user
 #   lib/modules-load.d/teletact.conf      the congestion control of their link
+#   lib/tmpfiles.d/teletact.conf          the host's registry, root's from the start of the machine
 include(CMakePackageConfigHelpers)
 get_property(headers GLOBAL PROPERTY teletact_private_headers)
 foreach(header ${headers})
@@ -30,6 +31,8 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/config/systemd/ DESTINATION lib/systemd/
 install(FILES ${PROJECT_SOURCE_DIR}/config/systemd/teletact.sysusers.conf DESTINATION lib/sysusers.d
   RENAME teletact.conf COMPONENT program)
 install(FILES ${PROJECT_SOURCE_DIR}/config/systemd/teletact.modules.conf DESTINATION lib/modules-load.d
+  RENAME teletact.conf COMPONENT program)
+install(FILES ${PROJECT_SOURCE_DIR}/config/systemd/teletact.tmpfiles.conf DESTINATION lib/tmpfiles.d
   RENAME teletact.conf COMPONENT program)
 configure_package_config_file(${PROJECT_SOURCE_DIR}/tools/cmake/teletactConfig.cmake.in
   ${PROJECT_BINARY_DIR}/teletactConfig.cmake INSTALL_DESTINATION ${TELETACT_INSTALL_CMAKE})

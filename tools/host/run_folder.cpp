@@ -158,7 +158,9 @@ void make_run_folder(const std::string& report) {
   const std::string folder = report + "/raw";
   make_output_folder("--report", folder);
   (void)files_of_a_run(folder);
-  write_whole_file(folder + "/" + kRunFolderMark, std::string(kMarkText));
+  // One that is there stays: a full disk would refuse it, before the last run's files make room.
+  const std::string mark = folder + "/" + kRunFolderMark;
+  if (!fs::exists(mark)) write_whole_file(mark, std::string(kMarkText));
 }
 
 void clear_run_folder(const std::string& folder) {

@@ -65,8 +65,9 @@ extern std::atomic<bool> g_stop_requested;
 extern std::atomic<std::int64_t> g_stop_asked_ns;
 extern std::atomic<std::atomic<bool>*> g_ramp_down;
 // What a black box then says.
-inline constexpr const char* kAskedToEnd = "asked to end (SIGINT or SIGTERM)";
-// From here on SIGINT and SIGTERM set them instead of ending the process.
+inline constexpr const char* kAskedToEnd = "asked to end (SIGINT, SIGTERM or SIGHUP)";
+// From here on SIGINT, SIGTERM and a terminal that is gone (SIGHUP, but under nohup) set them
+// instead of ending the process, and what only ends writing (SIGPIPE, SIGXFSZ) does nothing.
 void catch_signals();
 // Asked to end before there was anything to report. Exit code 1.
 struct Stopped : std::runtime_error {

@@ -1,4 +1,4 @@
-// SIGINT and SIGTERM: what run_options.hpp says of them. SIGXFSZ: ignored.
+// SIGINT, SIGTERM, SIGHUP: what run_options.hpp says of them. SIGPIPE, SIGXFSZ: ignored.
 #include <signal.h>
 
 #include "rt/clock/box_time.hpp"
@@ -29,9 +29,15 @@ void catch_signals() {
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  // The terminal is gone, as when the road to it is: an orderly end, but under nohup.
+  struct sigaction before {};
+  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
+    sigaction(SIGHUP, &action, nullptr);
+  // Who read the lines is gone: they are lost, and the box drives on.
+  action.sa_handler = SIG_IGN;
+  sigaction(SIGPIPE, &action, nullptr);
   // A file that may not grow any more (a limit of the shell's or the service's): as on a full disk
   // the write fails, and is told. The kernel's default would end the box while it drives.
-  action.sa_handler = SIG_IGN;
   sigaction(SIGXFSZ, &action, nullptr);
 }
 

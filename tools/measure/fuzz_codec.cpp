@@ -1,9 +1,10 @@
-// The readers of what crosses the road: frames of the depth stream, after a sound one.
+// The readers of depth that crosses the road: frames of the stream after a sound one, lossless ones.
 #include <memory>
 #include <stdexcept>
 
 #include "drivers/codec/depth_frame.hpp"
 #include "drivers/codec/depth_stream.hpp"
+#include "drivers/link/depth_codec.hpp"
 #include "rt/random.hpp"
 #include "tools/measure/fuzz_readers.hpp"
 
@@ -86,6 +87,30 @@ void FuzzReaders::add_depth_stream() {
                                  {reinterpret_cast<std::uint8_t*>(b.data()), b.size()});
   };
   readers_.push_back({"depth_stream", std::move(seeds), read, seal, false});
+}
+
+// What is taken comes back when it is coded again.
+void FuzzReaders::add_depth_lossless() {
+  constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
+  const auto bytes_of = [](std::span<const std::uint16_t> depth) {
+    std::string out(drivers::max_depth_bytes(depth.size()), '\0');
+    out.resize(
+        drivers::encode_depth(depth, {reinterpret_cast<std::uint8_t*>(out.data()), out.size()}));
+    return out;
+  };
+  std::vector<std::uint16_t> noise(kPixels);
+  rt::Random random(7);
+  for (auto& d : noise) d = static_cast<std::uint16_t>(65535 * random.uniform());
+  std::vector<std::string> seeds{bytes_of(depth_image(0)), bytes_of(depth_image(1)),
+                                 bytes_of(std::vector<std::uint16_t>(kPixels)), bytes_of(noise)};
+  const auto read = [bytes_of](const std::string& b) -> rt::Result<bool> {
+    std::vector<std::uint16_t> depth(kPixels), again(kPixels);
+    if (!drivers::decode_depth(view(b), depth)) return rt::Error{"depth: not of this size"};
+    if (!drivers::decode_depth(view(bytes_of(depth)), again) || again != depth)
+      return rt::Error{"no line\nfor what was taken and did not come back"};
+    return true;
+  };
+  readers_.push_back({"depth_lossless", std::move(seeds), read, {}, false});
 }
 
 }  // namespace teletact

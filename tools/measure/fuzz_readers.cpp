@@ -101,6 +101,7 @@ FuzzReaders::FuzzReaders() {
   add_map();
   add_colour();
   add_depth_stream();
+  add_depth_lossless();
   add_store();
   add_link();
   add_road();

@@ -28,6 +28,7 @@ class FuzzReaders {
   void add_map();
   void add_colour();
   void add_depth_stream();
+  void add_depth_lossless();
   void add_store();
   void add_link();
   void add_road();

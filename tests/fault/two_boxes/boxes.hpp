@@ -67,6 +67,7 @@ class BoxProgram {
   void report_to(fs::path report) { report_ = std::move(report); }
   void use_keys(fs::path keys) { keys_ = std::move(keys); }
   void go_by(std::vector<std::string> road) { road_ = std::move(road); }
+  void say_to(int pipe) { pipe_ = pipe; }  // in place of a file; output() is empty then
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
 
   void start() {
@@ -84,7 +85,10 @@ class BoxProgram {
     ++starts_;
     pid_ = ::fork();
     if (pid_ != 0) return;
-    (void)!::freopen(output_file().c_str(), "w", stdout);
+    if (pipe_ >= 0)
+      ::dup2(pipe_, 1);
+    else
+      (void)!::freopen(output_file().c_str(), "w", stdout);
     ::dup2(1, 2);
     std::vector<char*> argv;
     for (auto& w : words) argv.push_back(w.data());
@@ -98,8 +102,8 @@ class BoxProgram {
     pid_ = 0;
   }
   // Exit code; -1: it did not end.
-  int stop() {
-    ::kill(pid_, SIGTERM);
+  int stop(int signal = SIGTERM) {
+    ::kill(pid_, signal);
     int status = 0;
     for (int i = 0; i < static_cast<int>(kPatience_s * 100); ++i) {
       if (::waitpid(pid_, &status, WNOHANG) == pid_) {
@@ -132,7 +136,7 @@ class BoxProgram {
   std::vector<std::string> road_;
   fs::path report_, keys_;
   pid_t pid_ = 0;
-  int starts_ = 0;
+  int starts_ = 0, pipe_ = -1;
 };
 
 enum class Ending { kGood, kDisturbed, kNoRoom };

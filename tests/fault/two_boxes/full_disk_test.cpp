@@ -10,6 +10,7 @@
 
 #include "tests/fault/two_boxes/boxes.hpp"
 #include "tools/box/box_main.hpp"
+#include "tools/host/run_folder.hpp"
 
 namespace {
 
@@ -130,6 +131,45 @@ TEST(FullDisk, AFullDiskOfEitherBoxIsToldAndNothingElse) {
     Boxes b("full" + std::to_string(n), false);
     return story(b, disk.path(), [&] { disk.fill(); });
   });
+}
+
+// Killed, the disk full, started again, as a service does it: with what the last run left to make
+// room, and without.
+TEST(FullDisk, ABoxStartsAgainOnAFullDisk) {
+  const std::string place =
+      (fs::temp_directory_path() / ("teletact-disk-" + std::to_string(::getpid()))).string();
+  if (const SmallDisk probe(place); !probe.refusal().empty())
+    GTEST_SKIP() << "no small disk can be mounted here: " << probe.refusal();
+  for (const bool leaves : {true, false}) {
+    SCOPED_TRACE(leaves ? "with the last run's files" : "with its mark alone");
+    tell([&](int n) {
+      const SmallDisk disk(place);
+      Boxes b("again" + std::to_string(n), false);
+      const fs::path raw = disk.path() / "robot" / "raw";
+      const auto up = [](const Json& r, const Json&) { return waits(r); };
+      b.robot.report_to(disk.path() / "robot");
+      b.robot.start();
+      if (!b.until(up)) return b.ending;
+      b.robot.kill_it();
+      if (!leaves) {
+        for (const auto& file : fs::directory_iterator(raw)) {
+          if (file.path().filename() != teletact::kRunFolderMark) fs::remove_all(file.path());
+        }
+      }
+      disk.fill();
+      b.robot.start();
+      if (!b.until([&](const Json& r, const Json& o) { return up(r, o) || b.robot.ended(); }))
+        return b.ending;
+      EXPECT_FALSE(b.robot.ended()) << b.robot.output();
+      if (testing::Test::HasFailure()) return Ending::kGood;
+      const int code = b.robot.stop();
+      if (leaves) return Ending::kGood;
+      EXPECT_EQ(code, teletact::kFileRefused) << b.robot.output();
+      EXPECT_EQ(count(b.robot.output(), refused(disk.path() / "robot", "robot", ".blackbox")), 1U)
+          << b.robot.output();
+      return Ending::kGood;
+    });
+  }
 }
 
 TEST(FullDisk, AFileThatMayNotGrowIsToldAndNothingElse) {

@@ -2,6 +2,10 @@
 // start in any order, are killed and started again, and go on; motion wants an act each time. What
 // is judged is what the boxes say of themselves (teletact status). No limit on wall time: waits are
 // generous, and a run that the machine itself disturbed is made again.
+#include <fcntl.h>
+
+#include <array>
+
 #include "tests/fault/two_boxes/boxes.hpp"
 
 namespace {
@@ -93,6 +97,30 @@ TEST(TwoBoxes, AnOrderlyStopAndAStartAgainInTheSameFolder) {
     }
   }
 }
+
+// Started over a road that breaks too: the lines of the robot's box are read no more, then its
+// terminal is gone. The first changes nothing; the second ends it as SIGTERM does.
+Ending gone_story(const std::string& name) {
+  Boxes b(name, false);
+  std::array<int, 2> ends{};
+  EXPECT_EQ(::pipe2(ends.data(), O_CLOEXEC), 0);
+  b.robot.say_to(ends[1]);
+  b.robot.start();
+  ::close(ends[1]);
+  const bool up = b.until([](const Json& r, const Json&) { return waits(r); });
+  ::close(ends[0]);
+  if (!up) return b.ending;
+  b.op.start();  // the link's lines, and one each second
+  if (!b.until([](const Json& r, const Json& o) { return engaged(r) && engaged(o); }))
+    return b.ending;
+  EXPECT_EQ(b.op.stop(), 0) << b.op.output();
+  if (!b.until([](const Json& r, const Json&) { return waits(r); })) return b.ending;
+  EXPECT_FALSE(b.robot.ended());
+  EXPECT_EQ(b.robot.stop(SIGHUP), 0);
+  EXPECT_TRUE(fs::exists(b.robot.report()));
+  return Ending::kGood;
+}
+TEST(TwoBoxes, WhoReadsItsLinesIsGoneAndThenItsTerminal) { tell("gone", gone_story); }
 
 // Over TLS: the operator's box dies while it is engaged and comes back; then its certificate is
 // revoked while it is engaged, and it is out, told, and not let in again.

@@ -3,13 +3,17 @@
 // the camera's own image of the frame's number.
 #include "tests/unit/picture_link/road.hpp"
 
+#include <limits>
+#include <memory>
 #include <utility>
 
 #include "drivers/codec/depth_stream.hpp"
+#include "tasks/edges/link_edges.hpp"
 
 namespace {
 
 using picture_link::kHeight;
+using picture_link::kMs;
 using picture_link::kWidth;
 using picture_link::Road;
 
@@ -175,6 +179,76 @@ TEST(PictureLink, ADamagedOrLostFrameIsRefusedAndAKeyIsAskedForOnce) {
     expect_none_lost(road);
     expect_right(road, drivers::DepthMode::kFaithful);
   }
+}
+
+// A frame of another instant, as a robot's box would send it.
+void date_frame(std::vector<std::uint8_t>& m, std::int64_t ns) {
+  drivers::Header h;
+  ASSERT_EQ(drivers::read_header(m, h), drivers::WireStatus::kOk);
+  const auto frame = std::make_unique<drivers::EncodedFrame>();
+  ASSERT_EQ(drivers::read_wire(std::span(m).subspan(drivers::kHeaderSize), *frame),
+            drivers::FrameStatus::kOk);
+  frame->exposure.ns += ns;
+  std::vector<std::uint8_t> body(m.size());
+  body.resize(drivers::write_wire(*frame, body));
+  ASSERT_EQ(drivers::write_message(h, body, m), m.size());
+}
+
+// A camera's clock that is wrong for one picture, and one that nobody can mean: the next are taken.
+TEST(PictureLink, AFrameFromAheadIsRefusedAndTheNextIsTaken) {
+  constexpr std::int64_t kYear = 365 * 86'400'000'000'000;
+  for (const std::int64_t ahead_ns :
+       {100 * kMs, 10 * kYear, std::numeric_limits<std::int64_t>::max() / 2}) {
+    SCOPED_TRACE(ahead_ns);
+    Road road("lossless");
+    road.run(1000);
+    int left = 1;
+    road.meddle = [&](std::vector<std::uint8_t>& m) {
+      drivers::Header h;
+      if (drivers::read_header(m, h) != drivers::WireStatus::kOk) return true;
+      if (h.id == drivers::MessageId::kFrame && left-- > 0) date_frame(m, ahead_ns);
+      return true;
+    };
+    const std::size_t before = road.seen.size();
+    road.run(1000);
+    EXPECT_EQ(road.refused(), 1U);
+    EXPECT_GE(road.seen.size() - before, 28U);
+    for (const auto& s : road.seen) EXPECT_GE(s.age_ms, 0) << s.number;
+  }
+}
+
+TEST(PictureLink, AStateFromAheadIsRefusedAndTheNextIsTaken) {
+  Road road("lossless");
+  std::vector<std::int64_t> taken_ms;
+  tasks::receive_edge<tasks::EdgeId::kRobotState>(
+      road.operator_cells, road.operator_end,
+      [&](const drivers::RobotState& s, std::int64_t, std::size_t) {
+        taken_ms.push_back((rt::ns_of(road.now()) - rt::ns_of(s.taken)) / kMs);
+      });
+  constexpr auto kCode = tasks::kEdge<tasks::EdgeId::kRobotState>.row.wire.code;
+  std::int64_t ahead_ms = 0;
+  std::uint64_t sent = 0;
+  road.robot_end.add_outgoing(kCode, std::chrono::milliseconds{10}, false,
+                              [&](std::span<std::uint8_t> out) {
+                                drivers::RobotState s;
+                                s.seq = ++sent;
+                                s.taken = road.now() + std::chrono::milliseconds{ahead_ms};
+                                return drivers::encode(s, out);
+                              });
+  const auto refused = [&] {
+    return road.operator_end.stats().refused[static_cast<std::size_t>(kCode)];
+  };
+  road.run(500);
+  EXPECT_EQ(refused(), 0U);
+  EXPECT_GE(taken_ms.size(), 45U);
+  ahead_ms = 86'400'000;
+  road.run(500);
+  EXPECT_GE(refused(), 45U);
+  ahead_ms = 0;
+  const std::size_t before = taken_ms.size();
+  road.run(500);
+  EXPECT_GE(taken_ms.size() - before, 45U);
+  for (const std::int64_t age : taken_ms) EXPECT_NEAR(static_cast<double>(age), 20, 3);
 }
 
 rt::FaultPlan on_demands(rt::FaultKind kind, double probability) {
