@@ -1,4 +1,4 @@
-// The readers of depth that crosses the road: frames of the stream after a sound one, lossless ones.
+// Readers of depth that crosses the road: frames of the stream after a sound one, lossless ones.
 #include <memory>
 #include <stdexcept>
 
