@@ -93,6 +93,8 @@ if [ -x "$prefix/bin/teletact" ]; then
   if command -v systemd-sysusers >/dev/null; then
     systemd-sysusers --dry-run "$prefix/lib/sysusers.d/teletact.conf" >/dev/null
   fi
+  # The registry's name is that of tools/box/box_runner.cpp.
+  grep -qx 'f /dev/shm/teletact 0666 root root -' "$prefix/lib/tmpfiles.d/teletact.conf"
   # The measuring program lies where the installed program looks for it; without it, one line says
   # so.
   "$prefix/bin/teletact" stability --help | grep -q '^teletact stability: ' ||

@@ -243,6 +243,16 @@ TEST_F(RegistryTest, AForeignFileIsRefused) {
   EXPECT_FALSE(Registry::open("a/b").has_value());
 }
 
+// As config/systemd/teletact.tmpfiles.conf makes it at the start of the machine.
+TEST_F(RegistryTest, AnEmptyFileBecomesTheTable) {
+  const int fd = ::shm_open(("/" + name_).c_str(), O_RDWR | O_CREAT, 0666);
+  ASSERT_GE(fd, 0);
+  ::close(fd);
+  Registry mine = open();
+  EXPECT_TRUE(mine.try_register(std::array{row("x", 0, 80, 100, 1000)}).has_value());
+  EXPECT_EQ(open().entries().size(), 1U);
+}
+
 // Whatever the maker's umask: the next user's process must be able to enter its rows too.
 TEST_F(RegistryTest, AnotherUserCanShareIt) {
   const mode_t before = ::umask(0077);
