@@ -52,7 +52,8 @@ class RunStore {
   static constexpr std::size_t kKeepParts = 60;
 
   // Files of an earlier store in this folder are removed. Throws std::runtime_error naming the
-  // folder, also for a cap below kLeastCap.
+  // folder where it can not be made, also for a cap below kLeastCap. A header that the disk refuses
+  // is a problem().
   RunStore(const std::string& folder, const RunLog& header, const StoreOptions& options = {});
   // The same on another disk, which is empty.
   RunStore(std::unique_ptr<StoreDisk> disk, const RunLog& header, const StoreOptions& options);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -242,7 +243,8 @@ void BoxRunner::begin_black_box(const rt::RunLog& header) {
     black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
     black_box->catch_crashes();
   } catch (const std::system_error& e) {
-    if (e.code() != std::errc::no_space_on_device && e.code() != std::errc::file_too_large) throw;
+    const int why = e.code().value();
+    if (why != ENOSPC && why != EDQUOT && why != EFBIG) throw;
     refused.tell(name(), plan.folder + "/" + name() + ".blackbox", "this run has no black box");
   }
 }

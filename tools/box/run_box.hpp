@@ -33,8 +33,8 @@ struct BoxCommand {
   }
 };
 
-// Before anything is measured or written: throws std::runtime_error with one line where the address
-// or the keys are no good.
+// Before anything is measured or written: throws CouldNotStart with one line where the address or
+// the keys are no good.
 void check_link(const BoxCommand& command);
 
 // Exit code: 0 orderly, 1 with problems, 3 could not start, 4 stopped by a fault. `info` holds what

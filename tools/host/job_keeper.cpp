@@ -13,6 +13,9 @@ JobKeeper::JobKeeper(const DemoOptions& options, rt::Box box, rt::RunLog& log)
   rt::StoreOptions store = options.store;
   store.block_bytes = std::size_t{256} << 10U;  // nobody is to look at it while it runs
   store_ = std::make_unique<rt::RunStore>(folder_, log, store);
+  // Simulated time is worth nothing without its records; a box that drives goes on without them.
+  if (const std::string problem = store_->problem(); !problem.empty())
+    throw std::runtime_error(folder_ + ": " + problem);
   watch_ = std::make_unique<StoreWatch>(*store_, box, folder_, refused_);
 }
 
