@@ -126,15 +126,14 @@ void judge_windows(const RigRun& run, const RigResult& r, LinkRow& row) {
 }
 
 void judge_felt(const RigResult& r, LinkRow& row) {
-  auto all = felt_after_ms(r.op.view.haptic, r.op.view.fusion, clock_off_ns(r.op.link.newest));
+  auto all = felt_after_ms(r.op.view.haptic, r.op.view.fusion, r.op.link.newest);
   row.felt = static_cast<int>(all.size());
   if (!all.empty()) row.felt_p95_ms = rt::quantile(all, 0.95);
   std::span<const rt::JobRecord> capture;
   for (const rt::TaskLog& t : r.robot.log.tasks) {
     if (t.id == tasks::index_of(tasks::TaskId::kCapture)) capture = t.jobs;
   }
-  row.felt_stages = felt_stages({r.op.view.haptic, r.op.view.fusion, r.op.link.newest, capture,
-                                 clock_off_ns(r.op.link.newest)});
+  row.felt_stages = felt_stages({r.op.view.haptic, r.op.view.fusion, r.op.link.newest, capture});
 }
 
 void judge_drive(const RigRun& run, const RigResult& r, LinkRow& row) {

@@ -26,17 +26,13 @@ const rt::JobRecord* coded_by(std::span<const rt::JobRecord> jobs, const tasks::
 
 std::vector<Stages_ms> felt_stages(const StagesOf& of) {
   std::vector<Stages_ms> out;
-  for (const Felt& felt : felt_images(of.haptic, of.fusion)) {
-    const auto picture = std::find_if(
-        of.link.begin(), of.link.end(),
-        [&](const tasks::LinkSample& s) { return s.picture && s.made == felt.image->exposure; });
-    if (picture == of.link.end()) continue;
-    const rt::JobRecord* coded = coded_by(of.capture_jobs, *picture);
+  for (const Felt& felt : felt_images(of.haptic, of.fusion, of.link)) {
+    const rt::JobRecord* coded = coded_by(of.capture_jobs, *felt.picture);
     if (coded == nullptr) continue;
-    const std::array<std::int64_t, kStages + 1> at{rt::ns_of(felt.image->exposure) - of.clock_ns,
+    const std::array<std::int64_t, kStages + 1> at{felt.picture->made_remote_ns,
                                                    coded->start_ns,
                                                    coded->end_ns,
-                                                   rt::ns_of(picture->stamp),
+                                                   rt::ns_of(felt.picture->stamp),
                                                    rt::ns_of(felt.image->stamp),
                                                    rt::ns_of(felt.tick->stamp)};
     Stages_ms& ms = out.emplace_back();

@@ -24,7 +24,6 @@ struct StagesOf {
   std::span<const tasks::FusionSample> fusion;
   std::span<const tasks::LinkSample> link;
   std::span<const rt::JobRecord> capture_jobs;
-  std::int64_t clock_ns = 0;  // what the link's measure of the robot's clock is off
 };
 // One for each image that was felt and whose jobs are all on record. Clocks: those of one machine.
 [[nodiscard]] std::vector<Stages_ms> felt_stages(const StagesOf& of);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 
 #include "rt/quantile.hpp"
 
@@ -137,7 +138,12 @@ Silence after_gaps(std::span<const tasks::RobotSample> robot, double least_ms) {
 }
 
 std::vector<Felt> felt_images(std::span<const tasks::HapticSample> haptic,
-                              std::span<const tasks::FusionSample> fusion) {
+                              std::span<const tasks::FusionSample> fusion,
+                              std::span<const tasks::LinkSample> link) {
+  std::unordered_map<std::int64_t, const tasks::LinkSample*> pictures;
+  for (const auto& s : link) {
+    if (s.picture) pictures[rt::ns_of(s.made)] = &s;
+  }
   std::vector<Felt> out;
   std::size_t at = 0;
   const tasks::FusionSample* newest = nullptr;  // that the patch in use knows
@@ -153,27 +159,19 @@ std::vector<Felt> felt_images(std::span<const tasks::HapticSample> haptic,
     }
     if (!h.in_contact || newest == nullptr || newest == felt) continue;
     felt = newest;
-    out.push_back({felt, &h});
+    const auto picture = pictures.find(rt::ns_of(felt->exposure));
+    if (picture != pictures.end()) out.push_back({felt, picture->second, &h});
   }
   return out;
 }
 
-std::vector<double> felt_after_ms(const std::vector<tasks::HapticSample>& haptic,
-                                  const std::vector<tasks::FusionSample>& fusion,
-                                  std::int64_t clock_ns) {
+std::vector<double> felt_after_ms(std::span<const tasks::HapticSample> haptic,
+                                  std::span<const tasks::FusionSample> fusion,
+                                  std::span<const tasks::LinkSample> link) {
   std::vector<double> out;
-  for (const Felt& f : felt_images(haptic, fusion)) {
-    out.push_back(1e-6 *
-                  static_cast<double>((f.tick->stamp - f.image->exposure).count() + clock_ns));
-  }
+  for (const Felt& f : felt_images(haptic, fusion, link))
+    out.push_back(1e-6 * static_cast<double>(rt::ns_of(f.tick->stamp) - f.picture->made_remote_ns));
   return out;
-}
-
-std::int64_t clock_off_ns(std::span<const tasks::LinkSample> samples) {
-  for (auto s = samples.rbegin(); s != samples.rend(); ++s) {
-    if (s->picture) return rt::ns_of(s->made) - s->made_remote_ns;
-  }
-  return 0;
 }
 
 }  // namespace teletact

@@ -63,21 +63,23 @@ struct Silence {
 // box counts them; looked at until the next one.
 [[nodiscard]] Silence after_gaps(std::span<const tasks::RobotSample> robot, double least_ms);
 
-// An image that the map took in, and the first tick of the hand in contact whose force knows it.
+// An image that the map took in, its arrival, and the first tick of the hand in contact whose force
+// knows it. `link`: by time. Images whose arrival is not among them are left out.
 struct Felt {
   const tasks::FusionSample* image = nullptr;
+  const tasks::LinkSample* picture = nullptr;
   const tasks::HapticSample* tick = nullptr;
 };
 [[nodiscard]] std::vector<Felt> felt_images(std::span<const tasks::HapticSample> haptic,
-                                            std::span<const tasks::FusionSample> fusion);
+                                            std::span<const tasks::FusionSample> fusion,
+                                            std::span<const tasks::LinkSample> link);
 
 // From the exposure of an image to the first tick of the hand in contact whose force knows it, ms,
-// one for each image that the map took in. `clock_ns`: what the link's measure of the robot's clock
-// is off (made - made_remote): taken out, so that the times are true.
-[[nodiscard]] std::vector<double> felt_after_ms(const std::vector<tasks::HapticSample>& haptic,
-                                                const std::vector<tasks::FusionSample>& fusion,
-                                                std::int64_t clock_ns);
-// Of the newest picture; 0: none arrived.
-[[nodiscard]] std::int64_t clock_off_ns(std::span<const tasks::LinkSample> samples);
+// one for each image that the map took in. Both boxes must read one clock: the exposure is the
+// robot's own stamp of it. The link's measure of the other clock errs by some milliseconds, from
+// exchange to exchange by others, and would be taken for time that passed.
+[[nodiscard]] std::vector<double> felt_after_ms(std::span<const tasks::HapticSample> haptic,
+                                                std::span<const tasks::FusionSample> fusion,
+                                                std::span<const tasks::LinkSample> link);
 
 }  // namespace teletact
