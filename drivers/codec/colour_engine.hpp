@@ -29,7 +29,8 @@ class ColourDecodeEngine {
 [[nodiscard]] std::unique_ptr<ColourEncodeEngine> make_jpeg_encoder();
 [[nodiscard]] std::unique_ptr<ColourDecodeEngine> make_jpeg_decoder();
 // Null where H.264 is not built in.
-[[nodiscard]] std::unique_ptr<ColourEncodeEngine> make_h264_encoder(int fps, int width, int height);
+[[nodiscard]] std::unique_ptr<ColourEncodeEngine> make_h264_encoder(
+    const ColourStreamConfig& config, int width, int height);
 [[nodiscard]] std::unique_ptr<ColourDecodeEngine> make_h264_decoder();
 
 }  // namespace drivers

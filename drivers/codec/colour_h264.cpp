@@ -60,7 +60,7 @@ Context open(const AVCodec* codec, Context context, AVDictionary* options) {
 
 class H264Encoder : public ColourEncodeEngine {
  public:
-  H264Encoder(int fps, int width, int height) {
+  H264Encoder(const ColourStreamConfig& config, int width, int height) {
     be_quiet();
     const AVCodec* codec = avcodec_find_encoder_by_name("libx264");
     if (codec == nullptr) fail("has no libx264");
@@ -70,11 +70,12 @@ class H264Encoder : public ColourEncodeEngine {
     c->pix_fmt = AV_PIX_FMT_YUV420P;
     c->color_range = AVCOL_RANGE_JPEG;
     c->colorspace = AVCOL_SPC_SMPTE170M;
-    c->time_base = {1, fps};
-    c->framerate = {fps, 1};
+    c->time_base = {1, config.fps};
+    c->framerate = {config.fps, 1};
     c->thread_count = 1;
     c->max_b_frames = 0;
     c->gop_size = 1 << 30;  // keys only where one is asked for
+    c->qmin = config.finest;
     set_rate(*c, ColourDemand{}.rate_kbit_s);
     AVDictionary* options = nullptr;
     for (const auto& [key, value] : {std::pair{"preset", "superfast"},
@@ -195,8 +196,9 @@ class H264Decoder : public ColourDecodeEngine {
 }  // namespace
 
 bool h264_built_in() noexcept { return true; }
-std::unique_ptr<ColourEncodeEngine> make_h264_encoder(int fps, int width, int height) {
-  return std::make_unique<H264Encoder>(fps, width, height);
+std::unique_ptr<ColourEncodeEngine> make_h264_encoder(const ColourStreamConfig& config, int width,
+                                                      int height) {
+  return std::make_unique<H264Encoder>(config, width, height);
 }
 std::unique_ptr<ColourDecodeEngine> make_h264_decoder() { return std::make_unique<H264Decoder>(); }
 
@@ -207,7 +209,9 @@ std::unique_ptr<ColourDecodeEngine> make_h264_decoder() { return std::make_uniqu
 namespace drivers {
 
 bool h264_built_in() noexcept { return false; }
-std::unique_ptr<ColourEncodeEngine> make_h264_encoder(int, int, int) { return nullptr; }
+std::unique_ptr<ColourEncodeEngine> make_h264_encoder(const ColourStreamConfig&, int, int) {
+  return nullptr;
+}
 std::unique_ptr<ColourDecodeEngine> make_h264_decoder() { return nullptr; }
 
 }  // namespace drivers

@@ -21,6 +21,7 @@ void ColourStreamConfig::describe(config::Section& s) {
   s.text("method", method, {"jpeg", "h264"}, "how colour is coded");
   s.flag("half", half, "half the width and height");
   s.integer("fps", fps, 1, 120, "of h264: frames a second that its rate is spread over");
+  s.integer("finest", finest, 0, 51, "of h264: least quantizer, 0: no limit");
 }
 
 const char* to_text(ColourStatus s) noexcept {
@@ -75,7 +76,7 @@ class FramedEncoder : public ColourEncoder {
                                std::to_string(height) + ": must be 1 x 1 to 640 x 480");
     engine_ = method_ == ColourMethod::kJpeg
                   ? make_jpeg_encoder()
-                  : make_h264_encoder(config.fps, scaled(width), scaled(height));
+                  : make_h264_encoder(config, scaled(width), scaled(height));
     if (!engine_)
       throw std::runtime_error("codec.colour.method = \"h264\": not built in (TELETACT_H264)");
   }

@@ -6,6 +6,7 @@
 #include "tools/cli/number_list.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
+#include "tools/measure/accuracy/codec/codec_colour.hpp"
 #include "tools/measure/accuracy/codec/codec_steps.hpp"
 #include "tools/measure/accuracy/codec/codec_study.hpp"
 #include "tools/measure/measure_commands.hpp"
@@ -14,27 +15,32 @@ namespace teletact {
 
 namespace {
 
-// What --steps asks for.
+// What --steps or --colour asks for.
 struct Sweep {
-  bool asked = false;
+  bool steps = false, colour = false;
   CodecStepsOptions options;
   std::string plots, noise = "strict";
 
   void describe(CLI::App& app) {
-    auto* steps = app.add_flag(
-        "--steps", asked, "instead: error, Mbit/s and CPU of every quality step of every mode");
+    auto* with_steps = app.add_flag(
+        "--steps", steps, "instead: error, Mbit/s and CPU of every quality step of every mode");
     app.add_option("--steps-seed", options.seed, "of that room")
-        ->needs(steps)
+        ->needs(with_steps)
         ->capture_default_str();
     app.add_option("--steps-noise", noise, "of camera and codec: strict, lenient")
-        ->needs(steps)
+        ->needs(with_steps)
         ->check(CLI::IsMember({"strict", "lenient"}));
-    app.add_option("--plots", plots, "folder for the SVG plots of --steps")->needs(steps);
+    app.add_flag("--colour", colour,
+                 "instead: error, bytes and CPU of H.264 over its finest quantizer")
+        ->excludes(with_steps);
+    app.add_option("--plots", plots, "folder for the SVG plots of --steps or --colour");
   }
-  void run(const std::string& json) {
+  [[nodiscard]] bool asked() const { return steps || colour; }
+  void run(const CodecStudyOptions& o, const std::string& json) {
     if (!plots.empty()) make_output_folder("--plots", plots);
     if (noise == "lenient") options.noise = drivers::DepthNoiseLaw::kLenient;
-    const Study study = study_codec_steps(std::cerr, options);
+    const Study study = colour ? study_codec_colour(std::cerr, {21, 60, o.rgbd, o.rgbd_frames})
+                               : study_codec_steps(std::cerr, options);
     study.print(std::cout);
     if (!plots.empty()) {
       for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
@@ -86,14 +92,16 @@ int cmd_codec_study(int argc, char** argv) {
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
-  if (sweep.asked) {
-    sweep.run(json);
-    return 0;
-  }
   if (!intrinsics.empty()) o.pinhole = parse_pinhole(intrinsics);
   if (rgbd->count() == 0 && !std::filesystem::exists(o.rgbd)) {
     std::cerr << o.rgbd << " is not there: only the synthetic rooms\n";
     o.rgbd.clear();
+  }
+  if (!sweep.asked() && !sweep.plots.empty())
+    throw std::runtime_error("--plots: needs --steps or --colour");
+  if (sweep.asked()) {
+    sweep.run(o, json);
+    return 0;
   }
   const CodecStudy study = study_codec(std::cerr, o);
   study.print(std::cout);
