@@ -62,7 +62,10 @@ void OperatorSide::mind_phase() {
   }
   const auto& jobs = console.seen().fusion;
   for (auto s = since(jobs, job_seen_); s != jobs.end(); ++s) {
-    if (s->consumed) phase_->taken(s->stamp, s->exposure);
+    if (s->consumed)
+      phase_->taken(s->stamp, s->exposure);
+    else
+      phase_->found_none(s->stamp);
   }
   postponed_->asked_ns.fetch_add(phase_->look().count());
 }

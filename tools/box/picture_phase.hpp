@@ -24,8 +24,9 @@ class PicturePhase {
 
   // Of each picture that arrived, in order, before it is decoded.
   void arrived(rt::Time at, rt::Time exposure);
-  // Of each job that took a picture, in order: the one of this exposure.
+  // Of each job, in order: the one of this exposure that it took, or that it found none.
   void taken(rt::Time start, rt::Time exposure);
+  void found_none(rt::Time start);
   // By how much more all later releases are to be postponed; mostly zero.
   [[nodiscard]] rt::Nanos look();
 
@@ -33,20 +34,37 @@ class PicturePhase {
   // next release, a period. Where that happens to more than a few, releases go kStep later; to
   // kAtOnce, without waiting for the other pictures of a look. What is early by chance is no reason
   // to be earlier.
-  static constexpr rt::Nanos kStep = std::chrono::milliseconds{3};
+  static constexpr rt::Nanos kStep = std::chrono::microseconds{1500};
   static constexpr std::size_t kAtOnce = 5;
-  static constexpr rt::Nanos kLeast = std::chrono::milliseconds{4};
-  static constexpr rt::Nanos kGood = std::chrono::milliseconds{7};
-  static constexpr rt::Nanos kMost = std::chrono::milliseconds{12};
+  static constexpr rt::Nanos kLeast = std::chrono::milliseconds{3};
+  static constexpr rt::Nanos kGood = std::chrono::milliseconds{4};
+  static constexpr rt::Nanos kMost = std::chrono::microseconds{6500};
   static constexpr std::size_t kPictures = 60;  // that are looked at: two seconds
+  // The first look is at fewer, and each look that finds nothing to do is followed by one at kMore
+  // more: a box that has just begun is far off, and a connection's first pictures are late. What is
+  // seen of few is done from kFar on.
+  static constexpr std::size_t kFirst = 15, kMore = 5;
+  static constexpr rt::Nanos kFar = std::chrono::milliseconds{1};
+  // Where pictures were passed, good is kStep longer on this machine, up to kSlowest; and 1 ms less
+  // after each kLooks looks without. Else the short wait would be tried again at the next look.
+  static constexpr rt::Nanos kSlowest = std::chrono::milliseconds{9};
+  static constexpr int kLooks = 30;
 
  private:
+  [[nodiscard]] rt::Nanos good() const { return kGood + slower_; }
+  [[nodiscard]] rt::Nanos most() const { return kMost + slower_; }
+  [[nodiscard]] rt::Nanos decide();
+  [[nodiscard]] rt::Nanos after_passed(rt::Nanos shortest);
   struct Arrival {
     rt::Time at, exposure;
   };
   rt::Nanos period_;
-  std::deque<Arrival> waiting_;  // arrived, taken by no job yet
+  std::size_t pictures_ = kFirst;  // that the next look is at
+  std::deque<Arrival> waiting_;    // arrived, taken by no job yet
+  rt::Time job_{};                 // the newest
   std::vector<rt::Nanos> waits_;
+  rt::Nanos slower_{0};     // than the fastest: what kGood and kMost are longer by
+  int calm_looks_ = 0;      // since pictures were passed, or since slower_ was less
   std::size_t missed_ = 0;  // overwritten by the next one before a job came
   std::size_t passed_ = 0;  // there before a job that did not take it, not yet decoded
 };

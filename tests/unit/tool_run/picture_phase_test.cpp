@@ -67,6 +67,8 @@ struct Pictures {
         newest_taken = cell;
         keeper.taken(at(start), at(cell));
         waits.push_back(start - cell_at);
+      } else {
+        keeper.found_none(at(start));
       }
       const std::int64_t more = keeper.look().count();
       ASSERT_GE(more, 0);
@@ -87,11 +89,14 @@ TEST(PicturePhase, PicturesSoonFindTheirJob) {
       SCOPED_TRACE(std::to_string(phase) + " ns, jitter " + std::to_string(jitter) + " ms");
       Pictures run(1000 + static_cast<std::uint64_t>(phase), phase);
       run.jitter = jitter * kMs;
+      run.seconds(jitter <= 2 ? 1 : 6);  // more looks where releases fall among the arrivals
+      run.seconds(2);
+      EXPECT_LE(run.p95_ms(), 12.5 + static_cast<double>(jitter)) << "soon after the start";
       run.seconds(20);
       if (testing::Test::HasFatalFailure()) return;
       const int settled = run.asked;
       run.seconds(20);
-      EXPECT_LE(run.p95_ms(), 13.0 + static_cast<double>(jitter));
+      EXPECT_LE(run.p95_ms(), 9.0 + static_cast<double>(jitter));
       EXPECT_LE(run.missed, 12U) << "of 600";
       EXPECT_LE(run.asked - settled, 1) << "and stay";
     }
@@ -111,6 +116,10 @@ TEST(PicturePhase, SlowDecodingCostsNoPeriod) {
       if (testing::Test::HasFatalFailure()) return;
       EXPECT_LE(run.p95_ms(), static_cast<double>(decode) + 15) << "of a period of 33 ms";
       EXPECT_LE(run.missed, 30U) << "of 600";
+      const int settled = run.asked;
+      run.seconds(240);
+      EXPECT_LE(run.asked - settled, 12) << "the shorter wait is tried again now and then";
+      EXPECT_LE(run.missed, 216U) << "of 7200, 3 of 100";
     }
   }
 }
@@ -126,7 +135,7 @@ TEST(PicturePhase, ClocksThatDriftAreFollowed) {
       if (testing::Test::HasFatalFailure()) return;
       EXPECT_LE(run.p95_ms(), 21) << ppm << " ppm, minute " << minute;
     }
-    EXPECT_LE(run.asked, 40);
+    EXPECT_LE(run.asked, 75);
   }
 }
 
@@ -137,7 +146,7 @@ TEST(PicturePhase, MissedPicturesAloneAreNoReason) {
     const std::int64_t exposure = k * kPeriod;
     keeper.arrived(Pictures::at(exposure + 100 * kMs), Pictures::at(exposure));
     if (k % 5 == 0) continue;
-    keeper.taken(Pictures::at(exposure + 109 * kMs), Pictures::at(exposure));
+    keeper.taken(Pictures::at(exposure + 105 * kMs), Pictures::at(exposure));
     ASSERT_EQ(keeper.look().count(), 0) << k;
   }
 }
