@@ -10,6 +10,8 @@ using perception::Pose2;
 using rt::Health;
 using rt::Severity;
 
+constexpr double kSingleShare = 0.25;  // of settle_s, after a single lateness
+
 Pose2 measured(const drivers::RobotState& s) noexcept { return {s.x_m, s.y_m, s.yaw_rad}; }
 
 // The planar part of a pose whose z axes agree: x, y and the heading of the x axis.
@@ -144,7 +146,8 @@ void PredictionTask::write_frame(Out& out) noexcept {
 }
 
 // Whether the robot state is young enough to drive on, and has been for a while: at the limit
-// itself the base would start and stop with every job. Else `frame` says why not.
+// itself the base would start and stop with every job. A single lateness after a long time without
+// one is no such limit (a lost packet), so the while is short. Else `frame` says why not.
 bool PredictionTask::in_time(const rt::Tick& tick, const In& in, OdometryFrame& frame) noexcept {
   using std::chrono::milliseconds;
   const rt::Nanos age = std::max(tick.start - state_.taken, rt::Nanos{0}) + in.robot_unsure;
@@ -152,17 +155,28 @@ bool PredictionTask::in_time(const rt::Tick& tick, const In& in, OdometryFrame& 
   frame.held_ms =
       static_cast<std::int32_t>(std::min<std::int64_t>(age.count() / 1'000'000, 1'000'000'000));
   frame.held_limit_ms = config_.state_liveness_ms;
+  if (in_time_since_ == rt::Time::max()) in_time_since_ = tick.start;
   if (age > limit || !in.robot_live) {
     frame.held = age > limit ? Held::kStateOld : Held::kStateSilent;
+    if (!was_late_)
+      single_ = tick.start - in_time_since_ >= 2 * rt::nanos_from_seconds(config_.settle_s);
+    else if (settling_)
+      single_ = false;  // late again before it had settled
     was_late_ = true;
+    settling_ = false;
     late_at_ = tick.start;
     return false;
   }
-  if (was_late_ && tick.start - late_at_ < rt::nanos_from_seconds(config_.settle_s)) {
-    frame.held = Held::kSettling;
-    return false;
+  if (was_late_) {
+    settling_ = true;
+    const double settle_s = (single_ ? kSingleShare : 1.0) * config_.settle_s;
+    if (tick.start - late_at_ < rt::nanos_from_seconds(settle_s)) {
+      frame.held = Held::kSettling;
+      return false;
+    }
+    in_time_since_ = tick.start;
   }
-  was_late_ = false;
+  was_late_ = settling_ = false;
   return true;
 }
 

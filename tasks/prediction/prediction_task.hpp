@@ -63,9 +63,10 @@ struct PredictionConfig {
     s.integer("goal_hold_ms", goal_hold_ms, 20, 5000, "life of a goal beyond the round trip");
     s.integer("goal_valid_ms", goal_valid_ms, 20, 5000, "longest life of a goal");
     s.integer("state_liveness_ms", state_liveness_ms, 20, 5000, "older robot states do not drive");
-    s.number(
-        "settle_s", settle_s, 0, 10,
-        "after an old or missing robot state the base stands until all were in time for this long");
+    s.number("settle_s", settle_s, 0, 10,
+             "after an old or missing robot state the base stands until all were in time for this "
+             "long; a "
+             "quarter where all were for twice as long before");
     s.number("horizon_limit_s", horizon_limit_s, 0, 10, "largest lead of a goal");
     s.number("uncertainty_share_m", uncertainty_share_m, 0.001, 1,
              "way driven within the uncertainty of the delay");
@@ -150,8 +151,10 @@ class PredictionTask {
   WorldFilter world_;
   bool have_state_ = false, epoch_set_ = false;
   bool unsure_ = false, was_late_ = false;
-  rt::Time epoch_{},
-      late_at_{};  // late_at_: of the last job whose robot state was too old or missing
+  bool single_ = false;    // what it was late by came after a long time without
+  bool settling_ = false;  // in time again, not yet for long enough
+  // late_at_: of the last job whose robot state was too old or missing
+  rt::Time epoch_{}, late_at_{}, in_time_since_ = rt::Time::max();
   drivers::RobotState state_;
   std::uint64_t camera_seq_ = 0, seq_ = 0, refused_path_ = 0, frame_seq_ = 0;
 };

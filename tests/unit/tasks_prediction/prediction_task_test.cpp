@@ -117,6 +117,42 @@ TEST(PredictionTask, AStateThatWasTooOldHoldsTheBaseForAWhileAndItSaysWhy) {
   EXPECT_EQ(l.pout.frame.held, Held::kDelayUnknown);
 }
 
+// A lost packet: one silence, after a long time without. The next one soon after is no single one.
+TEST(PredictionTask, ASingleSilenceHoldsTheBaseForAQuarterOfThat) {
+  using tasks::Held;
+  Loop l;
+  l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+  l.pin.path = &l.path;
+  const auto jobs_held = [&](int silent_ms) {
+    l.pin.robot_live = false;
+    l.run(silent_ms);
+    EXPECT_EQ(l.pout.frame.held, Held::kStateSilent);
+    l.pin.robot_live = true;
+    int jobs = 0;
+    for (; jobs < 30; ++jobs) {
+      l.run(100);
+      if (l.pout.goal.engaged == 1) break;
+      EXPECT_EQ(l.pout.frame.held, Held::kSettling);
+    }
+    return jobs;
+  };
+  l.run(2500);
+  EXPECT_EQ(l.pout.goal.engaged, 1);
+  EXPECT_EQ(jobs_held(300), 2);
+  l.run(500);
+  EXPECT_EQ(jobs_held(300), 9) << "so soon again";
+  l.run(2500);
+  EXPECT_EQ(jobs_held(100), 2);
+  // Late again while it settles.
+  l.run(2500);
+  l.pin.robot_live = false;
+  l.run(100);
+  l.pin.robot_live = true;
+  l.run(100);
+  EXPECT_EQ(l.pout.frame.held, Held::kSettling);
+  EXPECT_EQ(jobs_held(100), 9);
+}
+
 // Long enough for the goal after the next, and no longer than its own limit.
 TEST(PredictionTask, AGoalLivesForTheRoundTripAndAHold) {
   PredictionConfig c = wheels_alone();
