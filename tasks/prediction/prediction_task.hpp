@@ -65,8 +65,7 @@ struct PredictionConfig {
     s.integer("state_liveness_ms", state_liveness_ms, 20, 5000, "older robot states do not drive");
     s.number("settle_s", settle_s, 0, 10,
              "after an old or missing robot state the base stands until all were in time for this "
-             "long; a "
-             "quarter where all were for twice as long before");
+             "long; a quarter where all were for twice as long before");
     s.number("horizon_limit_s", horizon_limit_s, 0, 10, "largest lead of a goal");
     s.number("uncertainty_share_m", uncertainty_share_m, 0.001, 1,
              "way driven within the uncertainty of the delay");
@@ -151,7 +150,7 @@ class PredictionTask {
   WorldFilter world_;
   bool have_state_ = false, epoch_set_ = false;
   bool unsure_ = false, was_late_ = false;
-  bool single_ = false;    // what it was late by came after a long time without
+  bool single_ = false;    // the newest lateness came after a long time without one
   bool settling_ = false;  // in time again, not yet for long enough
   // late_at_: of the last job whose robot state was too old or missing
   rt::Time epoch_{}, late_at_{}, in_time_since_ = rt::Time::max();

@@ -1,7 +1,9 @@
 #include "tools/measure/accuracy/codec/codec_colour.hpp"
 
 #include <array>
+#include <cmath>
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <vector>
 
