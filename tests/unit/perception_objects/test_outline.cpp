@@ -282,20 +282,29 @@ TEST(Objects, InTheRayCastAsAKinectSeesThem) {
   }
 }
 
+// A touch happens once in a sequence, so a single sample is as long as whatever took the CPU's
+// caches meanwhile: the median of five sequences that begin.
+double median_touch_ms(const Sequence& s, int shape) {
+  std::vector<double> ms(5);
+  for (double& one : ms) Follower(s).step(0, shape, one, [] {});
+  return rt::quantile(ms, 0.5);
+}
+
 // Looked at coarsely, it costs no more than the 3.3 ms that an object may where the can at full
 // resolution takes 2; the touch no more than its 12 ms.
 TEST(Objects, OneThatFillsTheImageCostsNoMore) {
   const Sequence small(5), large(5, chest());
   const Followed can = follow(small, small.world.find("can"));
   const Followed f = follow(large, large.world.find("chest"));
+  const double touch_ms = median_touch_ms(large, large.world.find("chest"));
   std::cout << "chest: after 30 frames " << f.last << ", single frame " << f.image.single
-            << "; drawn " << f.drawn.single << ", " << f.drawn.fused << "; touch " << f.touch_ms
+            << "; drawn " << f.drawn.single << ", " << f.drawn.fused << "; touch " << touch_ms
             << ", a frame " << f.frame_ms << " ms, the can's " << can.frame_ms << " ms\n";
   EXPECT_GE(f.last, 0.95);
   EXPECT_GT(f.surface.fused, f.surface.single);
   EXPECT_GT(f.drawn.fused, f.drawn.single);
   EXPECT_LE(f.frame_ms, 1.65 * can.frame_ms);
-  EXPECT_LE(f.touch_ms, 6 * can.frame_ms);
+  EXPECT_LE(touch_ms, 6 * can.frame_ms);
 }
 
 // Mean CPU of a frame's objects, once none of the shapes, touched in the first frames, is young.
