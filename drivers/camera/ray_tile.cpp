@@ -162,6 +162,12 @@ void tile_begin(RayTile& tile, double max_t) noexcept {
   tile.colour.fill(0);
 }
 
+TELETACT_CAMERA_CLONES
+void tile_aim(RayTile& tile, const Lens& lens) noexcept {
+  for (int i = 0; i < kN; ++i) tile.x[i] = (tile.x[i] - lens.cx) / lens.fx;
+  for (int i = 0; i < kN; ++i) tile.y[i] = (tile.y[i] - lens.cy) / lens.fy;
+}
+
 void tile_cast(RayTile& tile, const SeenShape& s) noexcept {
   const Linear x(s, 0), y(s, 1), z(s, 2);
   const auto& h = s.shape->half;

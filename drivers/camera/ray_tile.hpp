@@ -35,7 +35,15 @@ struct SeenShape {
   perception::Mat3 R_SC;      // d_S = R_SC (x, y, 1)
   perception::Vec3 centre_C;  // of the bounding sphere
   perception::Vec3 normal_C;  // planes
+  // Rays outside meet nothing of it. All of them for planes, and for what reaches behind the lens.
+  double x0, x1, y0, y1;
 };
+
+// Pixels of the image plane to directions, in place.
+struct Lens {
+  double fx, fy, cx, cy;  // px
+};
+void tile_aim(RayTile& tile, const Lens& lens) noexcept;
 
 void tile_begin(RayTile& tile, double max_t) noexcept;
 void tile_cast(RayTile& tile, const SeenShape& s) noexcept;

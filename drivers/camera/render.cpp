@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 
 #include "rt/effect_count.hpp"
 #include "rt/random.hpp"
@@ -40,6 +41,7 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
         n.z() + std::min(n.x() * b.x0, n.x() * b.x1) + std::min(n.y() * b.y0, n.y() * b.y1);
     return s.origin_S.z() > 0 && least < 0;
   }
+  if (b.x1 < s.x0 || b.x0 > s.x1 || b.y1 < s.y0 || b.y0 > s.y1) return false;
   // Bounding sphere against the four side planes of the tile's frustum.
   const Vec3& c = s.centre_C;
   const double r = s.shape->bound_radius_m;
@@ -48,6 +50,43 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
   };
   return c.z() > -r && !outside(c.x(), b.x1) && !outside(-c.x(), -b.x0) && !outside(c.y(), b.y1) &&
          !outside(-c.y(), -b.y0);
+}
+
+// Half of the box round the shape, along its own axes.
+Vec3 half_of(const Shape& shape) noexcept {
+  const Vec3& h = shape.half;
+  switch (shape.kind) {
+    case Shape::Kind::kBox:
+      return h;
+    case Shape::Kind::kCylinder:
+      return {h.x(), h.x(), h.z()};
+    case Shape::Kind::kCapsule:
+      return {h.x(), h.x(), h.z() + h.x()};
+    case Shape::Kind::kPlane:
+    case Shape::Kind::kSphere:
+      break;
+  }
+  return Vec3::Constant(h.x());
+}
+
+// What the corners of that box lie between holds the shape, if all of them are before the lens.
+void look_between(const Pose& X_CS, SeenShape& s) noexcept {
+  constexpr double kInf = std::numeric_limits<double>::infinity(), kBefore_m = 1e-3;
+  s.x0 = s.y0 = -kInf;
+  s.x1 = s.y1 = kInf;
+  if (s.shape->kind == Shape::Kind::kPlane) return;
+  const Vec3 h = half_of(*s.shape);
+  double x0 = kInf, x1 = -kInf, y0 = kInf, y1 = -kInf;
+  for (unsigned n = 0; n < 8; ++n) {
+    const Vec3 c = X_CS * Vec3((n & 1U) != 0 ? h.x() : -h.x(), (n & 2U) != 0 ? h.y() : -h.y(),
+                               (n & 4U) != 0 ? h.z() : -h.z());
+    if (c.z() < kBefore_m) return;
+    x0 = std::min(x0, c.x() / c.z()), x1 = std::max(x1, c.x() / c.z());
+    y0 = std::min(y0, c.y() / c.z()), y1 = std::max(y1, c.y() / c.z());
+  }
+  constexpr double kRounding = 1e-6;  // of a direction; a pixel is a thousand times as much
+  s.x0 = x0 - kRounding, s.x1 = x1 + kRounding;
+  s.y0 = y0 - kRounding, s.y1 = y1 + kRounding;
 }
 
 // `moves`: the world of the shapes if some of them may move; null: they rest at their own pose.
@@ -66,6 +105,7 @@ void look(std::span<const Shape> shapes, const World* moves, const Pose& X_WC, r
     s.R_SC = R_SW * X_WC.linear();
     s.centre_C = X_WC.linear().transpose() * (X_WS.translation() - X_WC.translation());
     s.normal_C = s.R_SC.row(2).transpose();
+    look_between(X_WC.inverse() * X_WS, s);
     seen.push_back(s);
   }
 }
@@ -103,10 +143,11 @@ TileBounds aim(const Intrinsics& k, const TileAt& at, const RenderScratch& scrat
         v += static_cast<double>(scratch.shift_v[n]);
       }
       const std::size_t n = static_cast<std::size_t>(j * RayTile::kWidth + i);
-      tile.x[n] = (u - k.cx) / k.fx;
-      tile.y[n] = (v - k.cy) / k.fy;
+      tile.x[n] = u;
+      tile.y[n] = v;
     }
   }
+  tile_aim(tile, {k.fx, k.fy, k.cx, k.cy});
   return {(at.u0 - margin_px - k.cx) / k.fx, (at.u0 + at.width - 1 + margin_px - k.cx) / k.fx,
           (at.v0 - margin_px - k.cy) / k.fy, (at.v0 + at.height - 1 + margin_px - k.cy) / k.fy};
 }
@@ -157,15 +198,34 @@ void quantise(const float* z_m, std::uint16_t* out, int n, float lo, float hi) n
   }
 }
 
+// How far each pixel of a row is off the plane through its neighbours, at most. 0 where there is
+// none. `up`, `down`: the rows beside it; null at the border.
+TELETACT_CAMERA_CLONES
+void steps(const float* row, const float* up, const float* down, float* out, int n) noexcept {
+  out[0] = out[n - 1] = 0;
+  for (int u = 1; u + 1 < n; ++u) out[u] = std::abs(row[u - 1] - 2 * row[u] + row[u + 1]);
+  if (up != nullptr && down != nullptr) {
+    for (int u = 0; u < n; ++u) {
+      const float across = std::abs(up[u] - 2 * row[u] + down[u]);
+      out[u] = out[u] < across ? across : out[u];
+    }
+  }
+}
+
 class NoisyRows {
  public:
   NoisyRows(const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, int width, int height,
-            const RenderScratch& scratch) noexcept
+            RenderScratch& scratch) noexcept
       : noise_(noise), seed_(seed), seq_(seq), width_(width), height_(height), scratch_(scratch) {}
 
   // Noisy depth of row v into `z`; `z` holds the true depth before.
   void apply(int v, float* z) const noexcept {
     using rt::Effect;
+    if (noise_.flying() != nullptr || noise_.dropout() != nullptr) {
+      const bool inside = v > 0 && v + 1 < height_;
+      steps(inverse(v), inside ? inverse(v - 1) : nullptr, inside ? inverse(v + 1) : nullptr,
+            scratch_.step.data(), width_);
+    }
     if (noise_.flying() != nullptr) rt::effect_ran(Effect::kFlying), fly(v, z);
     if (noise_.axial() != nullptr) rt::effect_ran(Effect::kAxial), shake(v, z);
     if (noise_.dropout() != nullptr) rt::effect_ran(Effect::kEdgeDropout), drop(v, z);
@@ -175,24 +235,24 @@ class NoisyRows {
   [[nodiscard]] const float* inverse(int v) const noexcept {
     return scratch_.inverse_m.data() + static_cast<std::ptrdiff_t>(v) * width_;
   }
-  // Relative step that a plane through the neighbours does not explain.
-  [[nodiscard]] bool beside_edge(int u, int v) const noexcept {
+  // Calls at_edge(u, bits) for the pixels of row v beside an edge; each has bits of its own.
+  template <class AtEdge>
+  void beside_edges(int v, Purpose purpose, AtEdge&& at_edge) const noexcept {
     const float* row = inverse(v);
-    const float middle = row[u];
-    if (middle <= 0) return false;
-    float step = 0;
-    if (u > 0 && u + 1 < width_) step = std::abs(row[u - 1] - 2 * middle + row[u + 1]);
-    if (v > 0 && v + 1 < height_) {
-      step = std::max(step, std::abs(inverse(v - 1)[u] - 2 * middle + inverse(v + 1)[u]));
+    rt::Random rng = row_stream(seed_, seq_, v, purpose);
+    int drawn = 0;
+    for (int u = 0; u < width_; ++u) {
+      if (row[u] <= 0 || scratch_.step[static_cast<std::size_t>(u)] <=
+                             static_cast<float>(DepthNoise::kEdgeStep) * row[u])
+        continue;
+      for (; drawn < u; ++drawn) rng();  // only counts: the compiler sees that nobody wants it
+      at_edge(u, rng()), ++drawn;
     }
-    return step > static_cast<float>(DepthNoise::kEdgeStep) * middle;
   }
   void fly(int v, float* z) const noexcept {
-    rt::Random rng = row_stream(seed_, seq_, v, Purpose::kFlying);
     const auto share = static_cast<float>(noise_.flying()->share);
-    for (int u = 0; u < width_; ++u) {
-      const std::uint64_t bits = rng();
-      if (!beside_edge(u, v) || unit(bits >> 32U) >= share) continue;
+    beside_edges(v, Purpose::kFlying, [&](int u, std::uint64_t bits) {
+      if (unit(bits >> 32U) >= share) return;
       float lo = inverse(v)[u], hi = lo;
       const auto widen = [&lo, &hi](float i) {
         if (i > 0) lo = std::min(lo, i), hi = std::max(hi, i);
@@ -202,7 +262,7 @@ class NoisyRows {
       if (v > 0) widen(inverse(v - 1)[u]);
       if (v + 1 < height_) widen(inverse(v + 1)[u]);
       z[u] = 1 / hi + (1 / lo - 1 / hi) * unit(bits & 0xffffffffU);
-    }
+    });
   }
   void shake(int v, float* z) const noexcept {
     rt::Random rng = row_stream(seed_, seq_, v, Purpose::kAxial);
@@ -216,12 +276,10 @@ class NoisyRows {
     }
   }
   void drop(int v, float* z) const noexcept {
-    rt::Random rng = row_stream(seed_, seq_, v, Purpose::kDropout);
     const auto share = static_cast<float>(noise_.dropout()->share);
-    for (int u = 0; u < width_; ++u) {
-      const std::uint64_t bits = rng();
-      if (beside_edge(u, v) && unit(bits >> 32U) < share) z[u] = 0;
-    }
+    beside_edges(v, Purpose::kDropout, [&](int u, std::uint64_t bits) {
+      if (unit(bits >> 32U) < share) z[u] = 0;
+    });
   }
   static float unit(std::uint64_t bits32) noexcept {
     return static_cast<float>(bits32 >> 8U) * 0x1.0p-24F;
@@ -230,7 +288,7 @@ class NoisyRows {
   const DepthNoise& noise_;
   std::uint64_t seed_, seq_;
   int width_, height_;
-  const RenderScratch& scratch_;
+  RenderScratch& scratch_;
 };
 
 }  // namespace
@@ -238,6 +296,7 @@ class NoisyRows {
 RenderScratch::RenderScratch(rt::NonRealtime&, std::size_t max_shapes)
     : depth_m(RgbdFrame::kMaxPixels),
       inverse_m(RgbdFrame::kMaxPixels),
+      step(RgbdFrame::kMaxWidth),
       shift_u(static_cast<std::size_t>(RgbdFrame::kMaxWidth) * RayTile::kHeight),
       shift_v(shift_u.size()) {
   seen.reserve(max_shapes);
