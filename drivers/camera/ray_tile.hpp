@@ -35,14 +35,15 @@ struct SeenShape {
   perception::Mat3 R_SC;      // d_S = R_SC (x, y, 1)
   perception::Vec3 centre_C;  // of the bounding sphere
   perception::Vec3 normal_C;  // planes
-  // Rays outside meet nothing of it. All of them for planes, and for what reaches behind the lens.
+  // Only rays (x, y, 1) with x0 <= x <= x1 and y0 <= y <= y1 can meet it. Infinite for planes, and
+  // for shapes that reach behind the lens.
   double x0, x1, y0, y1;
 };
 
-// Pixels of the image plane to directions, in place.
 struct Lens {
   double fx, fy, cx, cy;  // px
 };
+// The tile's x, y hold pixels, and hold directions afterwards.
 void tile_aim(RayTile& tile, const Lens& lens) noexcept;
 
 void tile_begin(RayTile& tile, double max_t) noexcept;

@@ -69,7 +69,8 @@ Vec3 half_of(const Shape& shape) noexcept {
   return Vec3::Constant(h.x());
 }
 
-// What the corners of that box lie between holds the shape, if all of them are before the lens.
+// Sets the directions that can meet the shape: those between the corners of its box, if all corners
+// are before the lens.
 void look_between(const Pose& X_CS, SeenShape& s) noexcept {
   constexpr double kInf = std::numeric_limits<double>::infinity(), kBefore_m = 1e-3;
   s.x0 = s.y0 = -kInf;
@@ -198,8 +199,8 @@ void quantise(const float* z_m, std::uint16_t* out, int n, float lo, float hi) n
   }
 }
 
-// How far each pixel of a row is off the plane through its neighbours, at most. 0 where there is
-// none. `up`, `down`: the rows beside it; null at the border.
+// How far each pixel's 1/depth is off the plane through its neighbours: the larger of left-right and
+// up-down, without the one that lacks a neighbour. `up`, `down`: the rows beside; null at the border.
 TELETACT_CAMERA_CLONES
 void steps(const float* row, const float* up, const float* down, float* out, int n) noexcept {
   out[0] = out[n - 1] = 0;
