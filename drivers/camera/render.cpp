@@ -199,8 +199,9 @@ void quantise(const float* z_m, std::uint16_t* out, int n, float lo, float hi) n
   }
 }
 
-// How far each pixel's 1/depth is off the plane through its neighbours: the larger of left-right and
-// up-down, without the one that lacks a neighbour. `up`, `down`: the rows beside; null at the border.
+// How far each pixel's 1/depth is off the plane through its neighbours: the larger of left-right
+// and up-down, without the one that lacks a neighbour. `up`, `down`: the rows beside; null at the
+// border.
 TELETACT_CAMERA_CLONES
 void steps(const float* row, const float* up, const float* down, float* out, int n) noexcept {
   out[0] = out[n - 1] = 0;
