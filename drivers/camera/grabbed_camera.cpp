@@ -1,7 +1,5 @@
 #include "drivers/camera/grabbed_camera.hpp"
 
-#include "drivers/camera/frame_copy.hpp"
-
 namespace drivers {
 
 namespace {
@@ -15,7 +13,7 @@ GrabbedCamera::GrabbedCamera(rt::NonRealtime& nrt, std::unique_ptr<FrameSource> 
       rate_hz_(source_->rate_hz()),
       now_(std::move(now)),
       delay_(delay),
-      frames_(nrt, {1}) {
+      frames_(nrt) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -33,24 +31,17 @@ void GrabbedCamera::run() {
       ended_.store(status);
       return;
     }
-    slot.exposure = now_() - delay_;
+    const rt::Time whole = now_();
+    slot.exposure = whole - delay_;
     slot.seq = grabbed_.fetch_add(1);
-    frames_.publish();
+    frames_.publish(whole);
   }
 }
 
-CameraStatus GrabbedCamera::poll(rt::Time, perception::RgbdFrame& out) noexcept {
+CameraStatus GrabbedCamera::poll(rt::Time now, perception::RgbdFrame& out) noexcept {
   const CameraStatus ended =
       ended_.load();  // before looking: what came before the end is handed out
-  if (frames_.fresh(0)) {
-    const auto view = frames_.acquire(0);
-    if (view && view.seq != handed_out_) {
-      handed_out_ = view.seq;
-      copy_frame(*view, out);
-      return CameraStatus::kFrame;
-    }
-  }
-  return ended;
+  return frames_.poll(now, out) ? CameraStatus::kFrame : ended;
 }
 
 }  // namespace drivers

@@ -8,8 +8,7 @@
 #include <string>
 #include <thread>
 
-#include "drivers/camera/camera.hpp"
-#include "rt/channel/latest.hpp"
+#include "drivers/camera/newest_frame.hpp"
 
 namespace drivers {
 
@@ -39,6 +38,7 @@ class GrabbedCamera final : public Camera {
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override { return intrinsics_; }
   [[nodiscard]] double rate_hz() const noexcept override { return rate_hz_; }
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
+  [[nodiscard]] CameraPolls* polls() noexcept override { return &frames_.polls(); }
 
  private:
   void run();
@@ -47,8 +47,7 @@ class GrabbedCamera final : public Camera {
   double rate_hz_;
   std::function<rt::Time()> now_;
   rt::Nanos delay_;
-  rt::Latest<perception::RgbdFrame> frames_;
-  std::uint64_t handed_out_ = 0;  // channel sequence
+  NewestFrame frames_;
   std::atomic<std::uint64_t> grabbed_{0};
   std::atomic<CameraStatus> ended_{CameraStatus::kNoFrame};  // kEnd or kFault: no more will come
   std::atomic<bool> stop_{false};

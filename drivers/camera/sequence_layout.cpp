@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "drivers/camera/tum_files.hpp"
+#include "drivers/camera/recording/tum_files.hpp"
 
 namespace drivers {
 namespace {

@@ -22,6 +22,9 @@ void TrueMountConfig::describe(config::Section& s) {
 void SyntheticCameraConfig::describe(config::Section& s) {
   s.text("resolution", resolution, {"full", "half"}, "full 512 x 424, half 256 x 212");
   s.number("exposure_ms", exposure_ms, 0.1, 30, "time the shutter is open");
+  s.number("phase_ms", phase_ms, 0, 33.3,
+           "own clock: its first frame so long after the box's epoch");
+  s.number("clock_ppm", clock_ppm, -1000, 1000, "own clock: slower than the box's by so much");
   s.number("range_min_m", range_min_m, 0.05, 5, "nearer things give no reading");
   s.number("range_max_m", range_max_m, 0.1, 60, "farther things give no reading");
   s.seed("seed", seed, "of the noise");
@@ -80,7 +83,8 @@ SyntheticCamera::SyntheticCamera(rt::NonRealtime& nrt, const SyntheticCameraConf
       scratch_(nrt, world.shapes().size()),
       X_CB_(config.true_X_BC().inverse()),
       seed_(config.seed),
-      t0_(t0),
+      first_(t0 + rt::nanos_from_seconds(config.phase_ms * 1e-3)),
+      clock_ppm_(config.clock_ppm),
       exposure_(rt::nanos_from_seconds(config.exposure_ms * 1e-3)) {
   mount_off_ = config.true_mount.differs;
   if (mount_off_) rt::effect_built(rt::Effect::kTrueMount);
@@ -93,12 +97,18 @@ void SyntheticCamera::carry(rt::NonRealtime&, std::unique_ptr<ScriptedArm> arm) 
   scratch_.in_tile.reserve(shapes);
 }
 
+rt::Time SyntheticCamera::shutter_opens(std::uint64_t f) const noexcept {
+  const rt::Nanos own = kCameraRate.release(f);
+  return first_ + own +
+         rt::Nanos{static_cast<std::int64_t>(static_cast<double>(own.count()) * clock_ppm_ * 1e-6)};
+}
+
 rt::Time SyntheticCamera::complete(std::uint64_t f) const noexcept {
-  return t0_ + kCameraRate.release(f) + exposure_;
+  return shutter_opens(f) + exposure_;
 }
 
 rt::Time SyntheticCamera::mid_exposure(std::uint64_t f) const noexcept {
-  return t0_ + kCameraRate.release(f) + exposure_ / 2;
+  return shutter_opens(f) + exposure_ / 2;
 }
 
 void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexcept {
@@ -121,8 +131,9 @@ void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexce
 CameraStatus SyntheticCamera::poll(rt::Time now, perception::RgbdFrame& out) noexcept {
   if (now < complete(next_)) return CameraStatus::kNoFrame;
   // Newest complete frame: the estimate by division is corrected by the exact formula.
-  auto f = static_cast<std::uint64_t>((now - t0_ - exposure_).count() * kCameraRate.num /
-                                      (1000000000 * kCameraRate.den));
+  const auto own = static_cast<std::int64_t>(
+      static_cast<double>((now - first_ - exposure_).count()) / (1 + clock_ppm_ * 1e-6));
+  auto f = static_cast<std::uint64_t>(own * kCameraRate.num / (1000000000 * kCameraRate.den));
   while (complete(f + 1) <= now) ++f;
   while (f > next_ && complete(f) > now) --f;
   expose(f, out);

@@ -1,6 +1,7 @@
 // An RGB-D camera that looks into a World: Kinect v2 geometry (512 x 424, f 365 px, 30 Hz).
 //
-// Frame f exposes from t0 + f/30 s for the exposure time; it shows the world, from the pose, in the
+// Frame f exposes from t0 + f/30 s (on a clock of its own: phase_ms later, clock_ppm longer apart)
+// for the exposure time; it shows the world, from the pose, in the
 // middle of it (no motion blur, no rolling) and is complete at its end. Frames nobody polled are
 // lost, as with a real camera: their numbers are missing.
 //
@@ -36,6 +37,7 @@ struct TrueMountConfig {
 struct SyntheticCameraConfig {
   std::string resolution = "full";  // full: 512 x 424, f 365; half: 256 x 212, f 182.5
   double exposure_ms = 10;
+  double phase_ms = 0, clock_ppm = 0;  // of a clock of its own; both 0: it counts from the box's
   double range_min_m = 0.4, range_max_m = 5.0;
   std::uint64_t seed = 1;                                    // of the noise
   std::array<double, 3> mount_position_m{-0.20, 0.0, 0.95};  // of the lens in B
@@ -48,6 +50,7 @@ struct SyntheticCameraConfig {
   std::optional<perception::Intrinsics> stands_in_for;
   void describe(config::Section& s);
 
+  [[nodiscard]] bool own_clock() const noexcept { return phase_ms != 0 || clock_ppm != 0; }
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept;
   [[nodiscard]] perception::Pose X_BC() const noexcept;       // the mount as a pose, as stated
   [[nodiscard]] perception::Pose true_X_BC() const noexcept;  // of the synthetic camera
@@ -57,7 +60,7 @@ inline constexpr rt::Rate kCameraRate{30, 1};
 
 class SyntheticCamera : public Camera {
  public:
-  // `world` and `pose` must outlive the camera. Frame 0 begins its exposure at t0.
+  // `world` and `pose` must outlive the camera. Frame 0 begins its exposure phase_ms after t0.
   SyntheticCamera(rt::NonRealtime&, const SyntheticCameraConfig& config, const World& world,
                   PoseSource& pose, rt::Time t0);
 
@@ -81,6 +84,7 @@ class SyntheticCamera : public Camera {
   [[nodiscard]] const DepthNoise& noise() const noexcept { return noise_; }
 
  private:
+  [[nodiscard]] rt::Time shutter_opens(std::uint64_t f) const noexcept;
   const World& world_;
   PoseSource& pose_;
   perception::Intrinsics intrinsics_;
@@ -91,7 +95,8 @@ class SyntheticCamera : public Camera {
   perception::Pose X_CB_;
   bool mount_off_ = false;
   std::uint64_t seed_;
-  rt::Time t0_;
+  rt::Time first_;  // when frame 0 begins its exposure
+  double clock_ppm_;
   rt::Nanos exposure_;
   std::uint64_t next_ = 0;  // first frame not handed out and not passed over
   std::int64_t twin_cpu_ns_ = 0;

@@ -2,13 +2,11 @@
 
 #include <algorithm>
 
-#include "drivers/camera/frame_copy.hpp"
-
 namespace drivers {
 
 ThreadedCamera::ThreadedCamera(rt::NonRealtime& nrt, std::unique_ptr<SyntheticCamera> camera,
                                std::function<rt::Time()> now)
-    : camera_(std::move(camera)), now_(std::move(now)), frames_(nrt, {1}) {
+    : camera_(std::move(camera)), now_(std::move(now)), frames_(nrt) {
   thread_ = std::thread([this] { run(); });
 }
 
@@ -39,20 +37,16 @@ void ThreadedCamera::run() {
     camera_->expose(f, frames_.begin_write());
     // Nobody may see a frame before its shutter has closed.
     if (!wait_until_reached(camera_->complete(f))) return;
-    frames_.publish();
+    const rt::Time whole = now_();
+    frames_.publish(whole);
     rendered_.store(camera_->rendered());
     twin_cpu_ns_.store(camera_->twin_cpu_ns());
-    late_max_ns_.store(std::max(late_max_ns_.load(), (now_() - camera_->complete(f)).count()));
+    late_max_ns_.store(std::max(late_max_ns_.load(), (whole - camera_->complete(f)).count()));
   }
 }
 
-CameraStatus ThreadedCamera::poll(rt::Time, perception::RgbdFrame& out) noexcept {
-  if (!frames_.fresh(0)) return CameraStatus::kNoFrame;
-  const auto view = frames_.acquire(0);
-  if (!view || view.seq == handed_out_) return CameraStatus::kNoFrame;
-  handed_out_ = view.seq;
-  copy_frame(*view, out);
-  return CameraStatus::kFrame;
+CameraStatus ThreadedCamera::poll(rt::Time now, perception::RgbdFrame& out) noexcept {
+  return frames_.poll(now, out) ? CameraStatus::kFrame : CameraStatus::kNoFrame;
 }
 
 }  // namespace drivers

@@ -15,8 +15,8 @@
 #include <mutex>
 #include <thread>
 
+#include "drivers/camera/newest_frame.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
-#include "rt/channel/latest.hpp"
 
 namespace drivers {
 
@@ -34,6 +34,7 @@ class ThreadedCamera : public Camera {
   }
   [[nodiscard]] double rate_hz() const noexcept override { return camera_->rate_hz(); }
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
+  [[nodiscard]] CameraPolls* polls() noexcept override { return &frames_.polls(); }
 
   // Ends the thread; poll() then only hands out what is finished. The destructor calls it.
   void stop();
@@ -49,8 +50,7 @@ class ThreadedCamera : public Camera {
 
   std::unique_ptr<SyntheticCamera> camera_;
   std::function<rt::Time()> now_;
-  rt::Latest<perception::RgbdFrame> frames_;
-  std::uint64_t handed_out_ = 0;  // channel sequence
+  NewestFrame frames_;
   std::atomic<std::int64_t> twin_cpu_ns_{0}, late_max_ns_{0};
   std::atomic<std::uint64_t> rendered_{0};
   std::mutex mutex_;

@@ -6,9 +6,9 @@
 #include <fstream>
 #include <iterator>
 
-#include "drivers/camera/image_header.hpp"
-#include "drivers/camera/intrinsics_file.hpp"
-#include "drivers/camera/tum_files.hpp"
+#include "drivers/camera/recording/image_header.hpp"
+#include "drivers/camera/recording/intrinsics_file.hpp"
+#include "drivers/camera/recording/tum_files.hpp"
 #include "perception/geometry/no_colour.hpp"
 
 namespace drivers {

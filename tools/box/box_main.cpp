@@ -143,9 +143,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
     rt::TaskBody& body = graph.body(id);
     return inputs ? inputs->body(id, body) : body;
   });
-  if constexpr (Side::kBox == rt::Box::kOperator) {
-    if (plan.lasting()) side.keep_phase(runner.placed);
-  }
+  if (plan.lasting()) side.keep_phase(runner.placed);
   runner.requests = &graph.requests();
   runner.link = &link;
   runner.link_status = &graph.link();

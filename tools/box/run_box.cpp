@@ -13,6 +13,7 @@
 #include "tools/host/run_folder.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
+#include "tools/scene/box_devices.hpp"
 #include "tools/scene/host_info.hpp"
 #include "tools/scene/page_hook.hpp"
 
@@ -112,10 +113,10 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
              : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
-// The camera's twin counts from this box's epoch; of a recording or a real camera the phase is not
-// known. Admission holds at any phase (frame_phase.hpp).
+// Of a camera with a clock of its own the phase is looked at while the box runs (kept_phase.hpp).
+// Admission holds at any phase (frame_phase.hpp).
 void place_capture(const Scene& scene, HostPlan& host) {
-  if (!scene.rgbd_dir.empty() || !scene.camera_choice.in_process()) return;
+  if (!counts_from_epoch(scene)) return;
   const rt::Nanos exposure = rt::nanos_from_seconds(1e-3 * scene.camera.exposure_ms);
   for (std::size_t i = 0; i < host.specs.size(); ++i) {
     if (host.ids[i] != tasks::index_of(tasks::TaskId::kCapture)) continue;

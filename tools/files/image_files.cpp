@@ -15,7 +15,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "drivers/camera/image_header.hpp"
+#include "drivers/camera/recording/image_header.hpp"
 
 namespace teletact {
 namespace {

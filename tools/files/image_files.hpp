@@ -1,13 +1,13 @@
 // Reads PNG and JPEG files strictly. The container is checked before a decoder sees it
-// (drivers/camera/image_header.hpp), so a truncated or huge file gives one message and not half an
-// image. The pixel type must be the requested one.
+// (drivers/camera/recording/image_header.hpp), so a truncated or huge file gives one message
+// and not half an image. The pixel type must be the requested one.
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <string>
 
-#include "drivers/camera/image_header.hpp"
+#include "drivers/camera/recording/image_header.hpp"
 #include "perception/geometry/image.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
 #include "rt/result.hpp"

@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "drivers/camera/recording/tum_files.hpp"
 #include "drivers/camera/sequence_layout.hpp"
-#include "drivers/camera/tum_files.hpp"
 
 namespace teletact {
 

@@ -10,7 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 
-#include "drivers/camera/tum_files.hpp"
+#include "drivers/camera/recording/tum_files.hpp"
 #include "drivers/camera/tum_reader.hpp"
 #include "drivers/codec/colour_stream.hpp"
 #include "perception/map_file/map_file.hpp"

@@ -44,6 +44,10 @@ drivers::TumSequence open_recording(const std::string& dir) {
   return std::move(sequence).value();
 }
 
+bool counts_from_epoch(const Scene& scene) {
+  return scene.rgbd_dir.empty() && scene.camera_choice.in_process() && !scene.camera.own_clock();
+}
+
 perception::Intrinsics camera_of(const Scene& scene) {
   return scene.rgbd_dir.empty() ? scene.camera.intrinsics()
                                 : open_recording(scene.rgbd_dir).intrinsics();
@@ -177,6 +181,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   } else {
     open_synthetic(nrt, scene, options, setup);
   }
+  if (!counts_from_epoch(scene)) free_frames_ = camera_->polls();
   camera_ = drivers::without_bias(nrt, std::move(camera_), scene.camera_choice.bias);
   if (options.passer_from) {
     camera_ = std::make_unique<drivers::PassingCamera>(

@@ -60,6 +60,8 @@ class RobotBox {
   [[nodiscard]] const drivers::World& world() const noexcept { return *world_; }
   [[nodiscard]] Effects effects() const;
   [[nodiscard]] std::int64_t camera_twin_cpu_ns() const noexcept;
+  // What capture's polls found, where frames come by a clock that is not this box's; else null.
+  [[nodiscard]] drivers::CameraPolls* free_frames() noexcept { return free_frames_; }
 
  private:
   class BasePose;
@@ -81,6 +83,7 @@ class RobotBox {
   std::unique_ptr<drivers::Camera> camera_;
   drivers::SyntheticCamera* synthetic_ = nullptr;
   drivers::ThreadedCamera* threaded_ = nullptr;
+  drivers::CameraPolls* free_frames_ = nullptr;
   std::vector<std::string> camera_effects_, arm_effects_;
   bool mount_off_ = false;
   std::string camera_said_;  // of a real one
@@ -113,6 +116,10 @@ class OperatorBox {
 // A recording as the demo plays it: 640 x 480 brought to the 512 x 424 of a Kinect v2, as `teletact
 // fuse` does. Throws std::runtime_error with the reader's message.
 [[nodiscard]] drivers::TumSequence open_recording(const std::string& dir);
+
+// The camera's frames begin at the box's epoch and keep its clock: a twin without a clock of its
+// own. Of a recording or a real camera the phase is not known.
+[[nodiscard]] bool counts_from_epoch(const Scene& scene);
 
 // Depth camera of the scene: the recording's if it names one, else the synthetic one's.
 [[nodiscard]] perception::Intrinsics camera_of(const Scene& scene);

@@ -1,4 +1,4 @@
-#include "drivers/camera/image_header.hpp"
+#include "drivers/camera/recording/image_header.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,9 +1,9 @@
-#include "drivers/camera/intrinsics_file.hpp"
+#include "drivers/camera/recording/intrinsics_file.hpp"
 
 #include <cmath>
 #include <vector>
 
-#include "drivers/camera/tum_files.hpp"
+#include "drivers/camera/recording/tum_files.hpp"
 
 namespace drivers {
 

@@ -1,4 +1,4 @@
-#include "drivers/camera/tum_files.hpp"
+#include "drivers/camera/recording/tum_files.hpp"
 
 #include <cerrno>
 #include <cmath>
@@ -11,7 +11,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "drivers/camera/image_header.hpp"
+#include "drivers/camera/recording/image_header.hpp"
 
 namespace drivers {
 

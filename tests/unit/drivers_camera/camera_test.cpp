@@ -2,11 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cstdio>
 #include <memory>
 #include <thread>
 
+#include "drivers/camera/newest_frame.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
 #include "drivers/camera/threaded_camera.hpp"
+#include "rt/random.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 
 namespace {
@@ -112,6 +115,77 @@ TEST(SyntheticCamera, EveryFrameOnceWithAPollAtTheSameRate) {
     ASSERT_EQ(camera.poll(now, *f), CameraStatus::kFrame) << k;
     ASSERT_EQ(f->seq, k);
   }
+}
+
+// A clock of its own: later by its phase, and slower by its ppm; after days, too. Where capture
+// polls in time with the box's clock, a slower camera has no frame now and then, and a faster one
+// has one that is passed over.
+TEST(SyntheticCamera, AClockOfItsOwnDriftsAgainstThePoll) {
+  const auto world = load_world("empty_room.toml");
+  auto f = std::make_unique<RgbdFrame>();
+  for (const double ppm : {-1000.0, -50.0, 0.0, 300.0}) {
+    SyntheticCameraConfig config;
+    config.resolution = "half", config.phase_ms = 12.5, config.clock_ppm = ppm;
+    EXPECT_TRUE(config.own_clock());
+    drivers::FixedPose pose(config.X_BC());
+    const rt::Time t0 = rt::time_from_ns(7'000'000'000);
+    SyntheticCamera camera(startup.token(), config, world, pose, t0);
+    for (const std::uint64_t n : {0ULL, 3ULL, 29ULL, 30'000ULL, 30ULL * 86'400 * 20}) {
+      const long double own_s = static_cast<long double>(n) / 30 * (1 + 1e-6L * ppm);
+      const long double at_s = 7 + 0.0125L + own_s + 0.010L;
+      EXPECT_NEAR(static_cast<double>(1e9L * at_s -
+                                      static_cast<long double>(rt::ns_of(camera.complete(n)))),
+                  0, 2)
+          << n;
+      const rt::Time whole = camera.complete(n);
+      EXPECT_EQ(camera.poll(whole - rt::Nanos{1}, *f),
+                n == 0 ? CameraStatus::kNoFrame : CameraStatus::kFrame);
+      if (n > 0) {
+        EXPECT_EQ(f->seq, n - 1);
+      }
+      ASSERT_EQ(camera.poll(whole, *f), CameraStatus::kFrame);
+      EXPECT_EQ(f->seq, n);
+      EXPECT_EQ(f->exposure, whole - std::chrono::milliseconds(5));
+    }
+  }
+}
+
+// What the polls found against a list of what was published and when.
+TEST(NewestFrame, EachPollTellsWhatItFoundAndWhatWasPassedOver) {
+  const std::uint64_t seed = 17;
+  std::printf("  seed %llu\n", static_cast<unsigned long long>(seed));
+  rt::Random random(seed);
+  drivers::NewestFrame newest(startup.token());
+  auto f = std::make_unique<RgbdFrame>();
+  std::uint64_t made = 0, unseen = 0;
+  rt::Time whole{};
+  for (std::int64_t n = 1; n <= 3000; ++n) {
+    const rt::Time now = rt::time_from_ns(n * 1'000'000);
+    if (random.uniform() < 0.6) {
+      RgbdFrame& slot = newest.begin_write();
+      slot.intrinsics = {1, 1, 0, 0, 2, 1};
+      slot.has_colour = false;
+      slot.seq = ++made;
+      whole = now - std::chrono::microseconds(10);
+      slot.exposure = whole - std::chrono::milliseconds(9);
+      newest.publish(whole);
+      ++unseen;
+    }
+    if (random.uniform() < 0.4) continue;
+    const bool found = newest.poll(now, *f);
+    EXPECT_EQ(found, unseen > 0);
+    drivers::CameraPoll p;
+    ASSERT_TRUE(newest.polls().try_pop(p));
+    EXPECT_EQ(p.at, now);
+    EXPECT_EQ(p.fresh, found);
+    if (!found) continue;
+    EXPECT_EQ(f->seq, made);
+    EXPECT_EQ(p.whole, whole);
+    EXPECT_EQ(p.exposure, f->exposure);
+    EXPECT_EQ(p.passed_over, unseen - 1);
+    unseen = 0;
+  }
+  EXPECT_GT(made, 1000U);
 }
 
 TEST(ThreadedCamera, DeliversNewFramesInOrderAndStops) {

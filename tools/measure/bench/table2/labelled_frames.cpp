@@ -7,7 +7,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "drivers/camera/intrinsics_file.hpp"
+#include "drivers/camera/recording/intrinsics_file.hpp"
 #include "drivers/camera/sequence_layout.hpp"
 #include "perception/geometry/no_colour.hpp"
 #include "tools/files/image_files.hpp"

@@ -1,9 +1,9 @@
 // teletact bench segmentation: IoU of one touch, and what an answer costs.
 //
 // DIR is, or holds, folders of RGB-D frames with true masks: NAME/rgb/*.png, NAME/depth/*.png,
-// NAME/label/*.png (16 bit), NAME/intrinsics.txt (drivers/camera/intrinsics_file.hpp; the depth's
-// unit too). A label is an object, 0 everything else, 65535 is not judged. By name: mosd... (label
-// / 10 is the object, below 2 the table, 0 no label), tabletop, ycb_video; these need no
+// NAME/label/*.png (16 bit), NAME/intrinsics.txt (drivers/camera/recording/intrinsics_file.hpp; the
+// depth's unit too). A label is an object, 0 everything else, 65535 is not judged. By name: mosd...
+// (label / 10 is the object, below 2 the table, 0 no label), tabletop, ycb_video; these need no
 // intrinsics.txt. Ten touches an object, uniform over its mask at least 3 pixels from its edge
 // where it is that thick. IoU is the mean over an object's touches, then over objects.
 #pragma once
