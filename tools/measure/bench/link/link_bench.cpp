@@ -79,6 +79,9 @@ std::vector<RigRun> runs_of(const LinkBenchOptions& o) {
   const double whole = o.seconds, part = std::max(20.0, o.seconds / 2);
   std::vector<RigRun> all{
       at_rest("rest", whole, road_keys()),
+      {"own_clock", "default_room",
+       scene_keys("quiet", {kNobodyEngages, "camera.phase_ms=30", "camera.clock_ppm=300"}),
+       road_keys(), part},
       {"strict", "rounds", scene_keys("moving"), road_keys(), whole},
       {"lenient", "rounds", scene_keys("moving", {"link.depth_noise=\"lenient\""}), road_keys(),
        whole},

@@ -3,6 +3,7 @@
 // two network namespaces of this machine (link_rig.hpp).
 //
 //   rest       the base stands, for a minute; depth against the truth
+//   own_clock  at rest, the camera with a clock of its own: 18 ms of drift a minute
 //   strict     the base drives rounds; pictures count while it moves. Depth codec `moving`
 //   lenient    the same under the lenient noise model
 //   saturated  lossless depth: more pictures than the road carries, all the time

@@ -165,6 +165,14 @@ std::vector<Limit> LinkBenchResult::limits() const {
       all, "rest: exposure to the force it causes p95, ms", "rest", "<=", 95 + 45,
       [](const LinkRow& r) { return r.felt_p95_ms; }, true,
       rest != nullptr && rest->felt == 0 ? "the hand touched nothing" : "");
+  j.add(all, "own_clock: pictures a second", "own_clock", ">=", 29, fps);
+  // Frames wait for capture as long as where the phase is known; by chance it is up to a period.
+  j.add(
+      all, "own_clock: picture age p95 over that at rest, ms", "own_clock", "<=", 12,
+      [&](const LinkRow& r) {
+        return rest == nullptr ? kNaN : r.window.age_p95_ms - rest->window.age_p95_ms;
+      },
+      true, j.why_not("rest", true));
   j.add(all, "moving, strict noise: pictures a second", "strict", ">=", 24, fps);
   j.add(all, "moving, lenient noise: pictures a second", "lenient", ">=", 29, fps);
   j.add(all, "moving, strict noise: picture age p95, ms", "strict", "<=", 200, age);
@@ -204,6 +212,7 @@ std::vector<BenchMetric> LinkBenchResult::metrics() const {
       all.push_back({prefix + ".depth_err_over_sensor", r->depth_over_sensor, "1"});
   };
   of_run("link.rest", "rest");
+  of_run("link.own_clock", "own_clock");
   of_run("link.moving", "strict");
   of_run("link.moving_lenient", "lenient");
   of_run("link.saturated", "saturated");
