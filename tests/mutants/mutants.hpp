@@ -1,4 +1,4 @@
-// Forced into every file of a mutated tree. teletact_mutant(k): is mutant k the one that runs?
+// Included by every changed file of a mutated tree. teletact_mutant(k): is mutant k the one that runs?
 // TELETACT_MUTANT=k chooses it; TELETACT_MUTANT_HITS=FILE gets a byte per mutant that was reached.
 #pragma once
 #if defined(__cplusplus)

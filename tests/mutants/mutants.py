@@ -2,14 +2,14 @@
 """Seeded mutants: which small errors of the code does the suite see?
 
     git worktree add --detach /tmp/mutants HEAD
-    cmake -S /tmp/mutants --preset test -DTELETACT_PRECOMPILE=OFF \\
-        -DCMAKE_CXX_FLAGS="-include $PWD/tests/mutants/mutants.hpp"
+    cmake -S /tmp/mutants --preset test
     tests/mutants/mutants.py /tmp/mutants --out result.json
 
 Each mutant is one operator of one condition or returned value, changed. All are in one build, and
-an environment variable chooses the one that runs (mutants.hpp). First each test runs without one
-and notes which it reaches; a test that fails then judges nothing. Then each mutant runs through the
-tests that reach it, quickest first, until one fails. TREE is changed: a worktree of its own.
+an environment variable chooses the one that runs (mutants.hpp; each changed file includes it).
+First each test runs without one and notes which it reaches; a test that fails then judges nothing.
+Then each mutant runs through the tests that reach it, quickest first, until one fails. TREE is
+changed: a worktree of its own.
 """
 import argparse
 import concurrent.futures
@@ -28,6 +28,7 @@ SWAPS = [(" <= ", " < "), (" >= ", " > "), (" < ", " <= "), (" > ", " >= "), (" 
          (" != ", " == "), (" && ", " || "), (" || ", " && "), (" + ", " - "), (" - ", " + "),
          (" * ", " / "), (" / ", " * ")]
 CONDITION = re.compile(r"^\s*(?:\} else )?if \((.*)\)( \{| return[^;]*;| continue;| break;|$)")
+SWITCH = Path(__file__).resolve().with_name("mutants.hpp")
 RETURNED = re.compile(r"^\s*return ([^;{}]*);$")
 
 
@@ -95,7 +96,9 @@ def write(tree, mutants, left_out):
             line = lines[m["line"] - 1]
             head, old, tail = line[:m["begin"]], line[m["begin"]:m["end"]], line[m["end"]:]
             lines[m["line"] - 1] = f"{head}teletact_mutant({k}) ? ({m['to']}) : ({old}){tail}"
-        (Path(tree) / name).write_text("\n".join(lines))
+        # Numbers of lines stay: they are what the compiler's errors name.
+        head = f'#include "{SWITCH}"\n#line 1 "{name}"\n'
+        (Path(tree) / name).write_text(head + "\n".join(lines))
 
 
 def build(a, mutants):
