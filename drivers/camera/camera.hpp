@@ -11,14 +11,8 @@ namespace drivers {
 
 enum class CameraStatus : std::uint8_t { kNoFrame, kFrame, kEnd, kFault };
 
-// What a poll found.
-struct CameraPoll {
-  rt::Time at{};                  // its `now`
-  bool fresh = false;             // it found a frame:
-  rt::Time whole{}, exposure{};   // since when it was there, and the middle of its exposure
-  std::uint64_t passed_over = 0;  // frames that it replaced before any poll
-};
-using CameraPolls = rt::Ring<CameraPoll, 256>;  // eight seconds of them
+// When each frame came, whether a poll took it or not.
+using FrameArrivals = rt::Ring<rt::Time, 256>;  // eight seconds of them
 
 class Camera {
  public:
@@ -28,9 +22,9 @@ class Camera {
   // Fills `out` with the newest frame that is complete at `now` and was not handed out before.
   // Never waits. kEnd: a replay has no more frames.
   [[nodiscard]] virtual CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept = 0;
-  // What the polls found, of a camera whose frames come by themselves; for one ordinary thread.
-  // Null: frames are made, or were read, for the poll.
-  [[nodiscard]] virtual CameraPolls* polls() noexcept { return nullptr; }
+  // Of a camera whose frames come by themselves; for one ordinary thread. Null: frames are made, or
+  // were read, for the poll.
+  [[nodiscard]] virtual FrameArrivals* arrivals() noexcept { return nullptr; }
 };
 
 }  // namespace drivers

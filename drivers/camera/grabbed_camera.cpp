@@ -38,10 +38,10 @@ void GrabbedCamera::run() {
   }
 }
 
-CameraStatus GrabbedCamera::poll(rt::Time now, perception::RgbdFrame& out) noexcept {
+CameraStatus GrabbedCamera::poll(rt::Time, perception::RgbdFrame& out) noexcept {
   const CameraStatus ended =
       ended_.load();  // before looking: what came before the end is handed out
-  return frames_.poll(now, out) ? CameraStatus::kFrame : ended;
+  return frames_.take(out) ? CameraStatus::kFrame : ended;
 }
 
 }  // namespace drivers

@@ -38,7 +38,7 @@ class GrabbedCamera final : public Camera {
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override { return intrinsics_; }
   [[nodiscard]] double rate_hz() const noexcept override { return rate_hz_; }
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
-  [[nodiscard]] CameraPolls* polls() noexcept override { return &frames_.polls(); }
+  [[nodiscard]] FrameArrivals* arrivals() noexcept override { return &frames_.arrivals(); }
 
  private:
   void run();

@@ -1,8 +1,8 @@
-// The newest frame of a camera that is filled by a thread of its own, and what each poll found.
+// The newest frame of a camera that is filled by a thread of its own, and when each one came.
 //
-// A camera that counts from a clock of its own gives frames at a phase of capture's period that
-// nobody knows before the run. What the polls found tells how long frames wait for capture, and
-// which were passed over, so that the box can move capture's release (tools/box/kept_phase.hpp).
+// When frames come is not known before the run: a camera counts from a clock of its own, and a twin
+// takes as long to render as its machine lets it. So the box moves capture's release to where they
+// come (tools/box/capture_phase.hpp).
 #pragma once
 
 #include <cstdint>
@@ -16,20 +16,20 @@ class NewestFrame {
  public:
   explicit NewestFrame(rt::NonRealtime& nrt) : frames_(nrt, {1}) {}
 
-  // The camera's thread. The slot to fill, then that its frame has been whole since `whole`.
+  // The camera's thread. The slot to fill, then that its frame is whole, at `now`.
   [[nodiscard]] perception::RgbdFrame& begin_write() noexcept { return frames_.begin_write(); }
-  void publish(rt::Time whole) noexcept { frames_.publish(whole); }
+  void publish(rt::Time now) noexcept;
 
   // Capture's thread. True: `out` is the newest frame, not handed out before. Wait-free.
-  [[nodiscard]] bool poll(rt::Time now, perception::RgbdFrame& out) noexcept;
+  [[nodiscard]] bool take(perception::RgbdFrame& out) noexcept;
 
   // One ordinary thread takes them.
-  [[nodiscard]] CameraPolls& polls() noexcept { return polls_; }
+  [[nodiscard]] FrameArrivals& arrivals() noexcept { return arrivals_; }
 
  private:
   rt::Latest<perception::RgbdFrame> frames_;
   std::uint64_t handed_out_ = 0;  // channel sequence
-  CameraPolls polls_;
+  FrameArrivals arrivals_;
 };
 
 }  // namespace drivers

@@ -11,8 +11,8 @@ class PoseSource {
  public:
   virtual ~PoseSource() = default;
   // X_WC at instant t. Asked with rising t, at most a few frame periods in the past. A
-  // ThreadedCamera asks from its own thread: then the implementation must be safe against the
-  // thread that moves it.
+  // ThreadedCamera asks up to half an exposure ahead, and from its own thread: then the
+  // implementation must be safe against the thread that moves it.
   [[nodiscard]] virtual perception::Pose X_WC_at(rt::Time t) noexcept = 0;
 };
 

@@ -73,7 +73,8 @@ class SyntheticCamera : public Camera {
   // Renders on demand, in the caller's thread: for the virtual clock and for tests.
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
 
-  // Instant at which frame f is complete, and the middle of its exposure.
+  // Instant at which the exposure of frame f begins, its middle, and the end, when f is complete.
+  [[nodiscard]] rt::Time shutter_opens(std::uint64_t f) const noexcept;
   [[nodiscard]] rt::Time complete(std::uint64_t f) const noexcept;
   [[nodiscard]] rt::Time mid_exposure(std::uint64_t f) const noexcept;
   // Renders frame f whatever the time is.
@@ -84,7 +85,6 @@ class SyntheticCamera : public Camera {
   [[nodiscard]] const DepthNoise& noise() const noexcept { return noise_; }
 
  private:
-  [[nodiscard]] rt::Time shutter_opens(std::uint64_t f) const noexcept;
   const World& world_;
   PoseSource& pose_;
   perception::Intrinsics intrinsics_;

@@ -32,8 +32,9 @@ void ThreadedCamera::run() {
   for (std::uint64_t f = 0;; ++f) {
     const rt::Time now = now_();
     while (camera_->mid_exposure(f + 1) <= now) ++f;  // too late for it: lost
-    // The pose is known from the middle of the exposure on; its second half is time to render in.
-    if (!wait_until_reached(camera_->mid_exposure(f))) return;
+    // The whole exposure is time to render in: a real camera's frame is there when its shutter has
+    // closed, or soon after. Half an exposure ahead the pose is known to some micrometres.
+    if (!wait_until_reached(camera_->shutter_opens(f))) return;
     camera_->expose(f, frames_.begin_write());
     // Nobody may see a frame before its shutter has closed.
     if (!wait_until_reached(camera_->complete(f))) return;
@@ -45,8 +46,8 @@ void ThreadedCamera::run() {
   }
 }
 
-CameraStatus ThreadedCamera::poll(rt::Time now, perception::RgbdFrame& out) noexcept {
-  return frames_.poll(now, out) ? CameraStatus::kFrame : CameraStatus::kNoFrame;
+CameraStatus ThreadedCamera::poll(rt::Time, perception::RgbdFrame& out) noexcept {
+  return frames_.take(out) ? CameraStatus::kFrame : CameraStatus::kNoFrame;
 }
 
 }  // namespace drivers

@@ -34,7 +34,7 @@ class ThreadedCamera : public Camera {
   }
   [[nodiscard]] double rate_hz() const noexcept override { return camera_->rate_hz(); }
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
-  [[nodiscard]] CameraPolls* polls() noexcept override { return &frames_.polls(); }
+  [[nodiscard]] FrameArrivals* arrivals() noexcept override { return &frames_.arrivals(); }
 
   // Ends the thread; poll() then only hands out what is finished. The destructor calls it.
   void stop();

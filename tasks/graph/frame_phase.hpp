@@ -40,10 +40,11 @@ struct FrameArrival {
 inline constexpr rt::Nanos kFrameMargin = std::chrono::milliseconds{6};
 [[nodiscard]] rt::Nanos fusion_offset(const FrameArrival& arrival, rt::Nanos period) noexcept;
 
-// Where in the period capture is released, of a box with a camera of its own that counts from the
-// box's epoch: when a frame has been whole for kWhole. On the epoch's grid itself it would find the
-// frame of the period before, and a picture would be a period less its exposure older.
-inline constexpr rt::Nanos kWhole = std::chrono::milliseconds{8};  // the twin renders for 5 to 6 ms
+// Where in the period capture is first released, of a box with a camera of its own that counts from
+// the box's epoch: when a frame has been whole for kWhole. On the epoch's grid itself it would find
+// the frame of the period before, and a picture would be a period less its exposure older.
+inline constexpr rt::Nanos kWhole =
+    std::chrono::milliseconds{4};  // the twin may be late by as much
 [[nodiscard]] rt::Nanos capture_offset(rt::Nanos exposure, rt::Nanos period) noexcept;
 
 // Sets the offset of fusion in `specs` (by task id): capture's response and the sizes of its frames

@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <iterator>
@@ -14,11 +13,6 @@
 #include "tools/touch/force_check.hpp"
 
 namespace teletact {
-
-namespace {
-constexpr rt::Nanos kFramePeriod = drivers::kCameraRate.period();
-constexpr std::uint64_t kSoManyTold = 8;  // frames that one poll found passed over
-}  // namespace
 
 OperatorSide::OperatorSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                            const BoxOptions& box_options)
@@ -45,6 +39,11 @@ rt::Result<std::unique_ptr<drivers::TcpLink>> OperatorSide::open_link(const Scen
   return drivers::TcpLink::connect(scene.link.address, port, std::chrono::seconds{2});
 }
 
+void OperatorSide::keep_phase(std::vector<rt::PlacedTask>& placed) {
+  const rt::TaskSpec* spec = fusion_.of(placed, tasks::TaskId::kFusion);
+  if (spec != nullptr) phase_.emplace(spec->period());
+}
+
 // What the console has seen since the last time.
 void OperatorSide::mind_phase() {
   const auto since = [](const auto& samples, rt::Time& seen) {
@@ -55,21 +54,21 @@ void OperatorSide::mind_phase() {
   };
   const auto& pictures = console.link().newest;
   for (auto s = since(pictures, picture_seen_); s != pictures.end(); ++s) {
-    if (s->picture) phase_.phase()->arrived(s->stamp, s->made);
+    if (s->picture) phase_->arrived(s->stamp, s->made);
   }
   const auto& jobs = console.seen().fusion;
   for (auto s = since(jobs, job_seen_); s != jobs.end(); ++s) {
     if (s->consumed)
-      phase_.phase()->taken(s->stamp, s->exposure);
+      phase_->taken(s->stamp, s->exposure);
     else
-      phase_.phase()->found_none(s->stamp);
+      phase_->found_none(s->stamp);
   }
-  phase_.look();
+  fusion_.postpone(phase_->look());
 }
 
 void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
   console.tick(t);
-  if (phase_.phase() != nullptr) mind_phase();
+  if (phase_) mind_phase();
   if (options_.page != nullptr) options_.page->tick(t);
   if (!options_.quiet) std::fputs(console.news().c_str(), stdout);
   if (!options_.quiet && t >= next_line_) {
@@ -107,39 +106,30 @@ void OperatorSide::finish(rt::NonRealtime& nrt, const drivers::LinkTransport& li
 
 RobotSide::RobotSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions&,
                      const BoxOptions& box_options)
-    : box(nrt, scene, box_options), console(box) {
+    : box(nrt, scene, box_options), console(box), epoch_(box_options.epoch) {
   half_.epoch_ns = rt::ns_of(box_options.epoch);
 }
 
 void RobotSide::keep_phase(std::vector<rt::PlacedTask>& placed) {
-  if (box.free_frames() != nullptr) phase_.keep(placed, tasks::TaskId::kCapture);
+  if (box.frame_arrivals() == nullptr) return;
+  const rt::TaskSpec* spec = capture_.of(placed, tasks::TaskId::kCapture);
+  if (spec != nullptr) phase_.emplace(spec->rate, epoch_ + spec->offset);
 }
 
-// What capture's polls of the camera have found since the last time.
 void RobotSide::mind_phase(rt::Time t) {
-  PicturePhase& phase = *phase_.phase();
-  for (drivers::CameraPoll p; box.free_frames()->try_pop(p);) {
-    if (!p.fresh) {
-      phase.found_none(p.at);
-      continue;
-    }
-    // Passed over: a period apart, whatever their true instants were.
-    for (auto n = static_cast<std::int64_t>(std::min(p.passed_over, kSoManyTold)); n > 0; --n)
-      phase.arrived(p.whole - n * kFramePeriod, p.exposure - n * kFramePeriod);
-    phase.arrived(p.whole, p.exposure);
-    phase.taken(p.at, p.exposure);
-  }
-  const rt::Nanos later = phase_.look();
+  for (rt::Time at; box.frame_arrivals()->try_pop(at);) phase_->arrived(at);
+  const rt::Nanos later = phase_->look();
   if (later == rt::Nanos{0}) return;
+  capture_.postpone(later);
   char line[96];
-  std::snprintf(line, sizeof line, "capture is released %.1f ms later: so frames wait less for it",
+  std::snprintf(line, sizeof line, "capture is released %.1f ms later: soon after frames come",
                 1e-6 * static_cast<double>(later.count()));
   console.say(t, line);
 }
 
 void RobotSide::tick(rt::Time t, drivers::LinkTransport&) {
   console.tick(t);
-  if (phase_.phase() != nullptr) mind_phase(t);
+  if (phase_) mind_phase(t);
 }
 
 rt::Result<std::unique_ptr<drivers::TcpLink>> RobotSide::open_link(const Scene& scene,

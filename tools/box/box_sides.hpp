@@ -4,12 +4,15 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "drivers/link/tcp_link.hpp"
 #include "rt/sched/task.hpp"
 #include "tools/box/box_main.hpp"
-#include "tools/box/kept_phase.hpp"
+#include "tools/box/capture_phase.hpp"
+#include "tools/box/picture_phase.hpp"
+#include "tools/box/release_shift.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/scene/box_devices.hpp"
 
@@ -31,9 +34,7 @@ class OperatorSide {
   // that it shows, do not wait for the next tick.
   void rest(rt::Nanos most, const std::function<rt::Time()>& now);
   // From now on fusion, one of `placed`, is released when pictures have typically arrived.
-  void keep_phase(std::vector<rt::PlacedTask>& placed) {
-    phase_.keep(placed, tasks::TaskId::kFusion);
-  }
+  void keep_phase(std::vector<rt::PlacedTask>& placed);
   void make_safe() { box.device().make_safe(); }
   // What it has seen so far, with `half`, into the run's folder. False: the disk refused it.
   [[nodiscard]] bool save(const std::string& folder) const {
@@ -49,7 +50,8 @@ class OperatorSide {
   void mind_phase();
   const Scene& scene_;
   const DemoOptions& options_;
-  KeptPhase phase_;
+  std::optional<PicturePhase> phase_;
+  ReleaseShift fusion_;
   rt::Time picture_seen_{}, job_seen_{};
   rt::Time epoch_, next_line_;
   bool cut_ = false;
@@ -69,8 +71,7 @@ class RobotSide {
   [[nodiscard]] static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
                                                                                const BoxPlan& plan);
   void tick(rt::Time t, drivers::LinkTransport&);
-  // From now on capture, one of `placed`, is released when frames of a camera with a clock of its
-  // own are typically whole.
+  // From now on capture, one of `placed`, is released when frames have typically come.
   void keep_phase(std::vector<rt::PlacedTask>& placed);
   void make_safe() { box.make_safe(); }
   [[nodiscard]] bool save(const std::string& folder) const {
@@ -84,7 +85,9 @@ class RobotSide {
 
  private:
   void mind_phase(rt::Time t);
-  KeptPhase phase_;
+  rt::Time epoch_;
+  std::optional<CapturePhase> phase_;
+  ReleaseShift capture_;
   RobotHalf half_;
 };
 

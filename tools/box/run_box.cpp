@@ -113,7 +113,7 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
              : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
-// Of a camera with a clock of its own the phase is looked at while the box runs (kept_phase.hpp).
+// Of a camera with a clock of its own the phase is looked at while the box runs (capture_phase.hpp).
 // Admission holds at any phase (frame_phase.hpp).
 void place_capture(const Scene& scene, HostPlan& host) {
   if (!counts_from_epoch(scene)) return;

@@ -181,7 +181,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   } else {
     open_synthetic(nrt, scene, options, setup);
   }
-  if (!counts_from_epoch(scene)) free_frames_ = camera_->polls();
+  frame_arrivals_ = camera_->arrivals();
   camera_ = drivers::without_bias(nrt, std::move(camera_), scene.camera_choice.bias);
   if (options.passer_from) {
     camera_ = std::make_unique<drivers::PassingCamera>(

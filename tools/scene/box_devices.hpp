@@ -60,8 +60,8 @@ class RobotBox {
   [[nodiscard]] const drivers::World& world() const noexcept { return *world_; }
   [[nodiscard]] Effects effects() const;
   [[nodiscard]] std::int64_t camera_twin_cpu_ns() const noexcept;
-  // What capture's polls found, where frames come by a clock that is not this box's; else null.
-  [[nodiscard]] drivers::CameraPolls* free_frames() noexcept { return free_frames_; }
+  // When frames come, where they come by themselves; else null.
+  [[nodiscard]] drivers::FrameArrivals* frame_arrivals() noexcept { return frame_arrivals_; }
 
  private:
   class BasePose;
@@ -83,7 +83,7 @@ class RobotBox {
   std::unique_ptr<drivers::Camera> camera_;
   drivers::SyntheticCamera* synthetic_ = nullptr;
   drivers::ThreadedCamera* threaded_ = nullptr;
-  drivers::CameraPolls* free_frames_ = nullptr;
+  drivers::FrameArrivals* frame_arrivals_ = nullptr;
   std::vector<std::string> camera_effects_, arm_effects_;
   bool mount_off_ = false;
   std::string camera_said_;  // of a real one

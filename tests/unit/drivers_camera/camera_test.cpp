@@ -150,39 +150,30 @@ TEST(SyntheticCamera, AClockOfItsOwnDriftsAgainstThePoll) {
   }
 }
 
-// What the polls found against a list of what was published and when.
-TEST(NewestFrame, EachPollTellsWhatItFoundAndWhatWasPassedOver) {
+// Against a list of what was published and when: the newest once, and the arrival of every one.
+TEST(NewestFrame, TheNewestOnceAndEachArrival) {
   const std::uint64_t seed = 17;
   std::printf("  seed %llu\n", static_cast<unsigned long long>(seed));
   rt::Random random(seed);
   drivers::NewestFrame newest(startup.token());
   auto f = std::make_unique<RgbdFrame>();
   std::uint64_t made = 0, unseen = 0;
-  rt::Time whole{};
   for (std::int64_t n = 1; n <= 3000; ++n) {
-    const rt::Time now = rt::time_from_ns(n * 1'000'000);
     if (random.uniform() < 0.6) {
       RgbdFrame& slot = newest.begin_write();
       slot.intrinsics = {1, 1, 0, 0, 2, 1};
       slot.has_colour = false;
       slot.seq = ++made;
-      whole = now - std::chrono::microseconds(10);
-      slot.exposure = whole - std::chrono::milliseconds(9);
-      newest.publish(whole);
+      newest.publish(rt::time_from_ns(n));
       ++unseen;
+      rt::Time at;
+      ASSERT_TRUE(newest.arrivals().try_pop(at));
+      EXPECT_EQ(at, rt::time_from_ns(n));
+      EXPECT_FALSE(newest.arrivals().try_pop(at));
     }
     if (random.uniform() < 0.4) continue;
-    const bool found = newest.poll(now, *f);
-    EXPECT_EQ(found, unseen > 0);
-    drivers::CameraPoll p;
-    ASSERT_TRUE(newest.polls().try_pop(p));
-    EXPECT_EQ(p.at, now);
-    EXPECT_EQ(p.fresh, found);
-    if (!found) continue;
+    EXPECT_EQ(newest.take(*f), unseen > 0);
     EXPECT_EQ(f->seq, made);
-    EXPECT_EQ(p.whole, whole);
-    EXPECT_EQ(p.exposure, f->exposure);
-    EXPECT_EQ(p.passed_over, unseen - 1);
     unseen = 0;
   }
   EXPECT_GT(made, 1000U);
