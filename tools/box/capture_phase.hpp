@@ -1,7 +1,7 @@
 // When capture is released, on a box of its own: soon after frames of the camera come. A camera
 // counts from a clock of its own, which drifts, and a twin renders as long as its machine lets it,
-// so this is looked at for as long as the box runs. On a phase by chance a frame would wait for half
-// a period on average; where frames come about the release, the late ones are passed over.
+// so this is looked at for as long as the box runs. On a phase by chance a frame would wait for
+// half a period on average; where frames come about the release, late ones are passed over.
 //
 // A release can only be postponed (rt::Postponed): earlier by d is later by a period less d, and
 // costs one frame.
@@ -22,7 +22,7 @@ class CapturePhase {
 
   // Of each frame, in order: when it was there.
   void arrived(rt::Time at);
-  // By how much more all later releases are to be postponed; mostly zero. It counts on being obeyed.
+  // By how much more all later releases are to be postponed, mostly zero. It takes it as done.
   [[nodiscard]] rt::Nanos look();
 
   static constexpr std::size_t kFrames = 60;  // that are looked at: two seconds; at first kFirst

@@ -113,8 +113,8 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
              : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
-// Of a camera with a clock of its own the phase is looked at while the box runs (capture_phase.hpp).
-// Admission holds at any phase (frame_phase.hpp).
+// Where capture begins; then it follows the camera (capture_phase.hpp). Admission holds at any
+// phase (frame_phase.hpp).
 void place_capture(const Scene& scene, HostPlan& host) {
   if (!counts_from_epoch(scene)) return;
   const rt::Nanos exposure = rt::nanos_from_seconds(1e-3 * scene.camera.exposure_ms);
