@@ -37,6 +37,7 @@ LinkBenchResult just_good() {
   pairs.saturated.late_us = {{{11, 14, 9}, {19, 24, 22}}};
   r.rows["strict"].window.fps = 24;
   r.rows["loss"].window.fps = 25;
+  r.rows["own_clock"].window.age_p95_ms = r.rows["rest"].window.age_p95_ms + 12;
   r.rows["drive_loss"].drive.time_s = r.rows["drive_stall"].drive.time_s = 9;
   return r;
 }
@@ -62,6 +63,8 @@ TEST(LinkBench, EachLimitCanBeMissed) {
       row("rest", &LinkRow::depth_over_sensor, 1),
       window("rest", &LinkWindow::age_p95_ms, 200.1),
       row("rest", &LinkRow::felt_p95_ms, 140.1),
+      window("own_clock", &LinkWindow::fps, 28.9),
+      window("own_clock", &LinkWindow::age_p95_ms, 212.1),
       window("strict", &LinkWindow::fps, 23.9),
       window("lenient", &LinkWindow::fps, 28.9),
       window("strict", &LinkWindow::age_p95_ms, 200.1),

@@ -148,6 +148,19 @@ TEST(CapturePhase, AFewLateFramesMoveNothing) {
   }
 }
 
+// A camera that was unplugged comes back at another phase: it is followed within its window.
+TEST(CapturePhase, ACameraThatComesBackIsFollowedAgain) {
+  for (std::int64_t jump_ms = 1; jump_ms < 33; jump_ms += 3) {
+    Followed followed;
+    followed.camera.first = Nanos{4 * kMs};
+    followed.frames(90);
+    followed.camera.first += Nanos{jump_ms * kMs} + std::chrono::seconds{9};
+    followed.frames(static_cast<int>(CapturePhase::kFrames + CapturePhase::kFirst));
+    const Nanos wait = k30Hz.period() - behind(followed.camera.next(), followed.grid);
+    EXPECT_LE(wait, CapturePhase::kSpare + CapturePhase::kEarlier) << jump_ms;
+  }
+}
+
 // Frames that come all round the period, and no frames at all: there is no phase to keep.
 TEST(CapturePhase, WithoutAPhaseNothingMoves) {
   Followed slow;
