@@ -28,19 +28,26 @@ rt::Nanos CapturePhase::look() {
   std::vector<rt::Nanos> after;
   for (const rt::Time at : frames_) after.push_back(after_release(at));
   std::sort(after.begin(), after.end());
-  // On the circle of the period the frames begin behind the widest part in which none comes.
+  // On the circle of the period: what is free of frames before frame i.
+  const std::size_t n = after.size();
+  const auto quiet = [&](std::size_t i) {
+    return i == 0 ? after.front() + period - after.back() : after[i] - after[i - 1];
+  };
+  // By how much later capture would be released soon after the frames that begin with frame i.
+  const auto later_by = [&](std::size_t i) {
+    return (after[(i + n - 1 - n / kOneLateOf) % n] + kSpare) % period;
+  };
   std::size_t begin = 0;
-  rt::Nanos widest = after.front() + period - after.back();
-  for (std::size_t i = 1; i < after.size(); ++i) {
-    if (after[i] - after[i - 1] <= widest) continue;
-    widest = after[i] - after[i - 1];
-    begin = i;
+  for (std::size_t i = 1; i < n; ++i) {
+    if (quiet(i) > quiet(begin)) begin = i;
   }
-  if (widest < period / kQuietPart) return rt::Nanos{0};
-  std::rotate(after.begin(), after.begin() + static_cast<std::ptrdiff_t>(begin), after.end());
-  const rt::Nanos last = after[after.size() - 1 - after.size() / kOneLateOf];
-  const rt::Nanos later = (last + kSpare) % period;
-  if (later <= kLater || period - later <= kEarlier) return rt::Nanos{0};
+  if (quiet(begin) < period / kQuietPart) return rt::Nanos{0};
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool alike = quiet(i) + period / kAlikePart >= quiet(begin);
+    const rt::Nanos later = later_by(i);
+    if (alike && (later <= kLater || period - later <= kEarlier)) return rt::Nanos{0};
+  }
+  const rt::Nanos later = later_by(begin);
   first_ += later;
   return later;
 }

@@ -31,13 +31,16 @@ class CapturePhase {
   // and the one after it is then often there already. Waiting for the last one of all costs every
   // frame what only that one needs.
   static constexpr std::size_t kOneLateOf = 60;
-  static constexpr rt::Nanos kSpare =
-      std::chrono::microseconds{500};  // behind the last that counts
+  // Behind the last frame that counts.
+  static constexpr rt::Nanos kSpare = std::chrono::microseconds{500};
   // Later at once; earlier only for so much, for it costs a frame.
   static constexpr rt::Nanos kLater = std::chrono::microseconds{500};
   static constexpr rt::Nanos kEarlier = std::chrono::milliseconds{3};
-  // Frames that come all round the period have no phase: what no frame comes in is less than this.
-  static constexpr int kQuietPart = 3;  // a third of the period
+  // Where no third of the period is free of frames, they have no phase, and nothing moves.
+  static constexpr int kQuietPart = 3;
+  // Free parts that differ by less than a sixth of the period are alike: of a camera of 60 or 20
+  // frames a second there are two, and where capture follows either it stays.
+  static constexpr int kAlikePart = 6;
 
  private:
   [[nodiscard]] rt::Nanos after_release(rt::Time at) const;  // of the release before `at`
