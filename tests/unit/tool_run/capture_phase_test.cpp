@@ -161,6 +161,21 @@ TEST(CapturePhase, ACameraThatComesBackIsFollowedAgain) {
   }
 }
 
+// At 60 or 20 frames a second they come at two phases, half a period apart: either is good, and
+// capture does not go to and fro between them.
+TEST(CapturePhase, OfTwoPhasesItKeepsOne) {
+  for (const std::int64_t rate : {60, 20}) {
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      Followed followed;
+      followed.camera = {rt::Random(seed), rt::Rate{rate, 1}, Nanos{11 * kMs}, 0, 2 * kMs, 0};
+      followed.frames(120);
+      followed.asked = 0;
+      followed.frames(900);
+      EXPECT_LE(followed.asked, 2) << rate << " a second, seed " << seed;
+    }
+  }
+}
+
 // Frames that come all round the period, and no frames at all: there is no phase to keep.
 TEST(CapturePhase, WithoutAPhaseNothingMoves) {
   Followed slow;
