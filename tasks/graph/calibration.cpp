@@ -136,6 +136,8 @@ void Calibration::describe(config::Section& s) {
   s.text("pictures", pictures, {}, "codecs of pictures that it was measured with");
   s.number("camera_twin_share", camera_twin_share, -1, 64,
            "of a core, what the camera's twin took; below 0: not measured");
+  s.number("link_share", link_share, -1, 64,
+           "of a core, what both ends of the link took; below 0: not measured");
   s.flag("ray_cast", ray_cast, "measured with haptic.method = \"force_shading\"");
   s.list(
       "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
@@ -301,8 +303,10 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
     if (calibration.ray_cast) out << "ray_cast = true\n";
     if (!calibration.pictures.empty()) out << "pictures = \"" << calibration.pictures << "\"\n";
     char line[256];
-    if (calibration.camera_twin_share >= 0) {
-      std::snprintf(line, sizeof line, "camera_twin_share = %.4f\n", calibration.camera_twin_share);
+    for (const auto& [key, share] : {std::pair{"camera_twin_share", calibration.camera_twin_share},
+                                     std::pair{"link_share", calibration.link_share}}) {
+      if (share < 0) continue;
+      std::snprintf(line, sizeof line, "%s = %.4f\n", key, share);
       out << line;
     }
     for (const auto& r : calibration.rows) {

@@ -11,6 +11,7 @@
 //                ray_cast = true       measured with haptic.method = "force_shading"; none: without
 //                pictures = "..."      codecs it was measured with; none: lossless, JPEG
 //                camera_twin_share = ...  of a core, the camera's twin; none: not measured
+//                link_share = ...      likewise, both ends of the link; none: not measured
 //                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33],
 //                         of fusion also still_p50_us, still_p999_us, moving_p50_us, moving_p999_us,
 //                         tracked_share, claimed_share and, where the truth is known, off_mm
@@ -78,7 +79,8 @@ struct Calibration : CalibrationOrigin {
   std::deque<CalibrationRow> rows;
   bool ray_cast = false;  // its rows have the cost of the published method of touch in them
   std::string pictures;   // PictureConfig::dialect() of what capture's rows were measured with
-  double camera_twin_share = -1;  // of a core, on the simulated clock; below 0: not measured
+  // Of a core, on the simulated clock; below 0: not measured.
+  double camera_twin_share = -1, link_share = -1;
   void describe(config::Section& s);
   [[nodiscard]] const CalibrationRow* find(std::string_view name, std::string_view choice,
                                            int level) const noexcept;

@@ -71,6 +71,11 @@ void PoolConfig::describe(config::Section& s) {
   s.integer("fusion_workers", fusion_workers, 0, 8, "cores beside fusion's own; 0: none");
 }
 
+double declared_link_share(const Calibration& calibration) noexcept {
+  const double measured = calibration.link_share;
+  return measured < 0 ? 2 * BestEffortShares{}.link : 2 * kSocketsShare + kLinkMargin * measured;
+}
+
 double declared_twin_share(const Calibration& calibration) noexcept {
   const double measured = calibration.camera_twin_share;
   return measured < 0 ? kTwinShare : kTwinMargin * measured;

@@ -279,6 +279,15 @@ void note_asked(tasks::Calibration& c, const Scene& scene) {
   c.pictures = scene.graph.capture.pictures.dialect();
 }
 
+// Of the threads that are no tasks.
+void note_ordinary(tasks::Calibration& c, const VirtualRun& run, const Scene& scene) {
+  const auto share = [&run](std::int64_t cpu_ns) {
+    return 1e-9 * static_cast<double>(cpu_ns) / run.seconds;
+  };
+  if (scene.rgbd_dir.empty()) c.camera_twin_share = share(run.robot.camera_twin_cpu_ns);
+  c.link_share = share(run.link_cpu_ns);
+}
+
 void tell_not_tracking(const tasks::Calibration& c) {
   for (const auto& row : c.rows) {
     const std::string why = c.does_not_track(row);
@@ -323,8 +332,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
   const VirtualRun stored = run_virtual(nrt, scene, o, tasks::Calibration{});
   end_if_asked();
-  if (scene.rgbd_dir.empty())
-    c.camera_twin_share = 1e-9 * static_cast<double>(stored.robot.camera_twin_cpu_ns) / seconds;
+  note_ordinary(c, stored, scene);
   Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot),
                 kOperatorClock.to_host(rt::time_from_ns(stored.op.epoch_ns)) +
                     rt::nanos_from_seconds(o.passer_from_s).count(),
@@ -346,6 +354,22 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
   if (!quiet) tell_not_tracking(c);
   if (input != nullptr) *input = passes.input();
+  return c;
+}
+
+tasks::Calibration with_ordinary(rt::NonRealtime& nrt, Scene& scene, double seconds,
+                                 const tasks::Calibration& calibration) {
+  tasks::Calibration c = as_asked(calibration, scene);
+  DemoOptions o;
+  o.seconds = seconds;
+  o.virtual_clock = o.quiet = true;
+  o.black_box_s = 0;
+  o.cores = 8;  // never a reason to refuse
+  const double voxel_m = scene.graph.fusion.tsdf.voxel_size_m;
+  const VirtualRun run = run_virtual(nrt, scene, o, tasks::Calibration{});
+  scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
+  end_if_asked();
+  note_ordinary(c, run, scene);
   return c;
 }
 

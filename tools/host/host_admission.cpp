@@ -110,11 +110,15 @@ tasks::BestEffortShares declared_shares(const Scene& scene, const tasks::Calibra
   // The camera's twin renders on an ordinary thread; a recording needs none.
   if (scene.rgbd_dir.empty()) shares.camera_twin = tasks::declared_twin_share(calibration);
   if (page) shares.page = kPageShare;
+  // Declared for both boxes together, although one of them decodes.
+  shares.link = 0.5 * declared_link_share(scene, calibration);
   return shares;
 }
 
-double declared_link_share(const Scene& scene) {
-  return 2 * tasks::BestEffortShares{}.link + picture_cost_of(scene).decode_share;
+double declared_link_share(const Scene& scene, const tasks::Calibration& calibration) {
+  const bool with_codecs = calibration.link_share >= 0 && !calibration.pictures.empty();
+  return tasks::declared_link_share(calibration) +
+         (with_codecs ? 0 : picture_cost_of(scene).decode_share);
 }
 
 namespace {
@@ -132,8 +136,6 @@ HostPlan admit_some(const Scene& scene, const tasks::Calibration& given,
         c.ruled_out = "another one is being measured";
     }
   }
-  // The link's share is declared for both boxes together; one of them decodes.
-  shares.link += 0.5 * picture_cost_of(scene).decode_share;
   plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);
   for (std::size_t i = 0; i < plan.request.tasks.size(); ++i) {
     if (!box || plan.request.tasks[i].box == *box)

@@ -45,8 +45,9 @@ struct HostPlan {
                                                       const tasks::Calibration& calibration,
                                                       bool page);
 
-// Of them the link's threads, of a core: what the scene's codecs take to decode included.
-[[nodiscard]] double declared_link_share(const Scene& scene);
+// Of them the link's threads, of a core. What it takes to decode the scene's pictures is included:
+// as measured, or as declared where the calibration has it not, or without such codecs.
+[[nodiscard]] double declared_link_share(const Scene& scene, const tasks::Calibration& calibration);
 
 // `only_choice`: the one static choice to take ("20 mm"), for calibration; empty: the best that
 // fits.

@@ -85,6 +85,7 @@ struct VirtualRun {
   Effects effects;
   rt::Admission admission;
   rt::ModeTable modes;
+  std::int64_t link_cpu_ns = 0;  // of both ends
   double seconds = 0;            // of simulated time that ran
   double wall_s = 0, lag_s = 0;  // paced: real time that it took, and what it was behind for good
   bool stopped_early = false;

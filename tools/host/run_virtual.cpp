@@ -184,7 +184,8 @@ class VirtualStack {
 void VirtualStack::admit(const tasks::Calibration& given) {
   std::vector<int> cpus;
   for (int i = 0; i < options_.cores; ++i) cpus.push_back(i);
-  host_ = admit_host(scene_, given, cpus, {0.30}, options_.force_choice);
+  host_ = admit_host(scene_, given, cpus, {0.30, 0.5 * declared_link_share(scene_, given)},
+                     options_.force_choice);
   run_.admission = host_.admission;
   run_.modes = host_.modes;
   if (!host_.refusal.empty()) throw std::runtime_error("admission: " + host_.refusal);
@@ -393,6 +394,7 @@ void VirtualStack::end_consoles() {
       forces_ ? forces_->result()
               : check_force(op_->graph().fusion().map(), run_.op.view.haptic,
                             scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale);
+  run_.link_cpu_ns = link_->cpu_ns();
   run_.robot.camera_twin_cpu_ns = robot_->camera_twin_cpu_ns();
 }
 

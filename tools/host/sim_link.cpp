@@ -131,6 +131,12 @@ void SimLink::note(Direction& d, std::int64_t host_ns) {
 }
 
 void SimLink::act(std::int64_t host_ns) {
+  const std::int64_t begin = rt::thread_cpu_ns();
+  turn(host_ns);
+  cpu_ns_ += rt::thread_cpu_ns() - begin;
+}
+
+void SimLink::turn(std::int64_t host_ns) {
   deliver(to_robot_, to_operator_, host_ns);
   deliver(to_operator_, to_robot_, host_ns);
   if (next_poll_ > host_ns) return;

@@ -44,6 +44,9 @@ class SimLink final : public rt::Actor {
   [[nodiscard]] bool handshake(std::int64_t from_host_ns, std::int64_t to_host_ns);
   // Hash over all bytes sent, both directions.
   [[nodiscard]] std::uint64_t byte_hash() const noexcept { return hash_.digest(); }
+  // CPU that both ends took so far, decoding included: what the threads of two transports take,
+  // less sockets, TLS and waking up.
+  [[nodiscard]] std::int64_t cpu_ns() const noexcept { return cpu_ns_; }
   // Bytes that this object holds for both directions: what a run of days must not let grow.
   [[nodiscard]] std::size_t held_bytes() const noexcept;
   // Of an emulated network, one way; null: none.
@@ -63,6 +66,7 @@ class SimLink final : public rt::Actor {
         road;  // of a scene with a network: instead of shaper and queue
     drivers::StreamReader reader;
   };
+  void turn(std::int64_t host_ns);
   void send(Direction& d, std::span<const std::uint8_t> message, std::int64_t host_ns);
   void deliver(Direction& d, Direction& back, std::int64_t host_ns);
   [[nodiscard]] bool receive(Direction& d, Direction& back, std::span<const std::uint8_t> message,
@@ -76,7 +80,7 @@ class SimLink final : public rt::Actor {
   std::int64_t next_poll_;
   rt::Hash64 hash_;
   bool cut_ = false, ended_ = false;
-  std::int64_t ended_at_ = 0;
+  std::int64_t ended_at_ = 0, cpu_ns_ = 0;
   std::uint64_t connections_ = 1;
 };
 

@@ -341,7 +341,27 @@ TEST(LinkShare, WithBothCodecsTheDemoIsAdmittedAt20MmOnTwoCores) {
     EXPECT_TRUE(plan.admission.admitted) << page;
     EXPECT_DOUBLE_EQ(plan.voxel_m, 0.02) << page;
   }
-  EXPECT_GT(teletact::declared_link_share(*coded), teletact::declared_link_share(*plain));
+  EXPECT_GT(teletact::declared_link_share(*coded, calibration),
+            teletact::declared_link_share(*plain, calibration));
+  // What a machine was measured to take is what it is admitted with, on both clocks and for each
+  // box.
+  auto measured = teletact::as_asked(calibration, *coded);
+  measured.link_share = 0.17;
+  const auto shares = teletact::declared_shares(*coded, measured, false);
+  EXPECT_DOUBLE_EQ(2 * shares.link, tasks::declared_link_share(measured));
+  const auto link_of = [](const teletact::HostPlan& plan) {
+    for (const auto& load : plan.request.best_effort) {
+      if (load.name == "link") return load.share;
+    }
+    return -1.0;
+  };
+  const auto both = teletact::admit_host(*coded, measured, {0, 1}, shares);
+  EXPECT_EQ(both.refusal, "");
+  EXPECT_DOUBLE_EQ(both.voxel_m, 0.02);
+  EXPECT_DOUBLE_EQ(link_of(both), tasks::declared_link_share(measured));
+  for (const auto box : {rt::Box::kOperator, rt::Box::kRobot})
+    EXPECT_DOUBLE_EQ(link_of(teletact::admit_box(*coded, measured, {0, 1}, shares, box)),
+                     0.5 * tasks::declared_link_share(measured));
 }
 
 }  // namespace

@@ -266,6 +266,24 @@ TEST(Calibration, TheCamerasTwinIsDeclaredAsMeasured) {
   }
 }
 
+TEST(Calibration, TheLinkIsDeclaredAsMeasured) {
+  Calibration c = whole();
+  EXPECT_EQ(tasks::declared_link_share(c), 2 * tasks::BestEffortShares{}.link) << "not measured";
+  EXPECT_EQ(text_of(c).find("link_share"), std::string::npos);
+  double before = 0;
+  for (const double share : {0.0, 0.04, 0.17, 1.2}) {
+    c.link_share = share;
+    const auto back = tasks::read_calibration(text_of(c), "c.toml");
+    ASSERT_TRUE(back) << back.error();
+    EXPECT_NEAR(back.value().link_share, share, 1e-4);
+    EXPECT_LT(back.value().camera_twin_share, 0) << "not its neighbour's";
+    const double declared = tasks::declared_link_share(back.value());
+    EXPECT_GE(declared, share + 2 * tasks::kSocketsShare);
+    EXPECT_GT(declared, before);
+    before = declared;
+  }
+}
+
 TEST(Calibration, HoldsForOneHostProgramConfigurationAndRecording) {
   const Calibration c = whole();
   const auto specs = tasks::make_specs(c);
@@ -308,6 +326,7 @@ TEST(Calibration, ABadFileIsOneLineWithFileKeyValueAndRange) {
       {[](Calibration& c) { c.rows[2].work_max = 0; }, "task[2].work_max", "= 0", "work_min (1)"},
       {[](Calibration& c) { c.rows[0].quantiles_us[9] = 3; }, "quantiles_us[9]", "= 3", "before"},
       {[](Calibration& c) { c.camera_twin_share = 65; }, "camera_twin_share", "65", "64"},
+      {[](Calibration& c) { c.link_share = 65; }, "link_share", "65", "64"},
       {[](Calibration& c) { c.rows[2] = c.rows[1]; }, "task[2].level", "= 0", "once for fusion"},
   };
   for (const auto& bad : cases) {

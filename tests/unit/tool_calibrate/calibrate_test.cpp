@@ -55,6 +55,25 @@ TEST(Calibrate, EveryVariantHasARowPlanningToo) {
   EXPECT_EQ(c.find("planning", "", 1)->budget().count(), 5'000'000) << "the declared one";
 }
 
+// What both ends of the link take goes with what they decode.
+TEST(Calibrate, TellsWhatTheLinkTakesWithTheScenesCodecs) {
+  const Calibration& plain = measured().calibration;
+  EXPECT_GT(plain.link_share, 0.005);
+  EXPECT_LT(plain.link_share, 1);
+  const auto coded = scene({"link.depth_codec=\"moving\"", "link.colour_codec=\"jpeg\""});
+  const Calibration c = teletact::with_ordinary(nrt(), *coded, 2, plain);
+  EXPECT_GT(c.link_share, 1.15 * plain.link_share);
+  EXPECT_EQ(c.rows.size(), plain.rows.size());
+  EXPECT_GT(c.find("capture", "", 0)->p50_us, plain.find("capture", "", 0)->p50_us + 1000);
+  const auto s = scene();
+  EXPECT_EQ(teletact::declared_link_share(*s, plain), tasks::declared_link_share(plain));
+  EXPECT_EQ(teletact::declared_link_share(*coded, c), tasks::declared_link_share(c));
+  // Measured without: they come on top.
+  EXPECT_GT(teletact::declared_link_share(*coded, plain), tasks::declared_link_share(plain) + 0.05);
+  EXPECT_GT(teletact::declared_link_share(*coded, {}),
+            teletact::declared_link_share(*s, {}) + 0.05);
+}
+
 TEST(Calibrate, TellsHowEachVariantTracks) {
   for (const auto& r : measured().calibration.rows) {
     if (r.name != "fusion") {

@@ -164,7 +164,7 @@ void judge_depth(const RigRun& run, const RigResult& r, LinkRow& row) {
 
 void judge_cpu(const RigRun& run, const RigResult& r, LinkRow& row) {
   auto keys = run.keys;
-  row.link_declared = declared_link_share(*load_scene(find_config("scenes", run.scene), keys));
+  row.link_declared = declared_link_share(*load_scene(find_config("scenes", run.scene), keys), {});
   row.link_cpu = 0;
   for (const auto* o : {&r.op.ordinary, &r.robot.ordinary})
     row.link_cpu +=
