@@ -166,27 +166,30 @@ std::string last_lines(const std::string& file) {
   return before.empty() ? last : before + " / " + last;
 }
 
+constexpr const char* kCalibration = "calibration.toml";
+
 Words box_words(const std::string& program, const char* box, const RigRun& what,
                 const std::string& folder, const std::string& lab) {
   const bool robot = std::string(box) == "robot";
   char rate[32], seconds[32];
   std::snprintf(rate, sizeof rate, "%g", what.rate_Mbit_per_s);
   std::snprintf(seconds, sizeof seconds, "%g", what.seconds);
-  Words words{program,
-              box,
-              "--scene",
-              find_config("scenes", what.scene),
-              "--keys",
-              lab + "/boxes/" + box,
-              "--rate",
-              rate,
-              "--seconds",
-              seconds,
-              "--report",
-              folder + "/" + box,
-              "--one-host",
-              "--calibration",
-              find_config("limits", "reference_costs")};
+  Words words{
+      program,
+      box,
+      "--scene",
+      find_config("scenes", what.scene),
+      "--keys",
+      lab + "/boxes/" + box,
+      "--rate",
+      rate,
+      "--seconds",
+      seconds,
+      "--report",
+      folder + "/" + box,
+      "--one-host",
+      "--calibration",
+      what.calibration ? folder + "/" + kCalibration : find_config("limits", "reference_costs")};
   const std::string place = std::string(kRobotAddress) + ":" + std::to_string(kPort);
   words.insert(words.end(), {robot ? "--listen" : "--robot-address", place});
   if (what.record && !robot) words.emplace_back("--record");
@@ -249,6 +252,7 @@ RigResult LinkRig::run(const RigRun& what) const {
   RigResult out;
   out.folder = folder_ + "/" + what.name;
   fs::create_directories(out.folder);
+  if (what.calibration) tasks::save_calibration(out.folder + "/" + kCalibration, *what.calibration);
   Words road{road_program_, "--left", left_, "--right", right_};
   for (const auto& key : what.road) road.insert(road.end(), {"--set", key});
   OtherLoad others;

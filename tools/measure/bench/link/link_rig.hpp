@@ -6,9 +6,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "tasks/graph/calibration.hpp"
 #include "tools/host/run_results.hpp"
 
 namespace teletact {
@@ -17,13 +19,14 @@ namespace teletact {
 [[nodiscard]] std::string link_rig_refusal();
 
 struct RigRun {
-  std::string name;               // of the folder, and for people
-  std::string scene;              // of config/scenes
-  std::vector<std::string> keys;  // section.key=value, for both boxes
-  std::vector<std::string> road;  // keys of teletact-road
-  double seconds = 20;            // of each box
-  double rate_Mbit_per_s = 10;    // that the boxes are told of the road
-  bool record = false;            // the operator's inputs
+  std::string name;                                 // of the folder, and for people
+  std::string scene;                                // of config/scenes
+  std::vector<std::string> keys;                    // section.key=value, for both boxes
+  std::vector<std::string> road;                    // keys of teletact-road
+  double seconds = 20;                              // of each box
+  double rate_Mbit_per_s = 10;                      // that the boxes are told of the road
+  bool record = false;                              // the operator's inputs
+  std::optional<tasks::Calibration> calibration{};  // that both are admitted with; none: reference
 };
 
 struct RigResult {
