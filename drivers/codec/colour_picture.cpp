@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstring>
 
+#include "drivers/codec/clones.hpp"
 #include "perception/geometry/no_colour.hpp"
 
 namespace drivers {
@@ -28,49 +31,119 @@ void fill_colour(ImageView<const Rgb> image, ImageView<Rgb> out) noexcept {
   }
 }
 
+namespace {
+
+constexpr std::size_t kMostBytes = 3 * static_cast<std::size_t>(RgbdFrame::kMaxWidth);
+
+const std::uint8_t* bytes(const Rgb* pixels) noexcept {
+  return reinterpret_cast<const std::uint8_t*>(pixels);
+}
+
+TELETACT_CODEC_CLONES void add_rows(const std::uint8_t* a, const std::uint8_t* b, int n,
+                                    std::uint16_t* sum) noexcept {
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) sum[i] = static_cast<std::uint16_t>(a[i] + b[i]);
+}
+
+// Two rows of which every pixel has colour.
+void halve_rows(const Rgb* above, const Rgb* below, int width, Rgb* out, int count) noexcept {
+  // One pixel more, for an odd width, and four lanes are read where three count.
+  std::array<std::uint16_t, kMostBytes + 4> sum;
+  const auto n = static_cast<std::size_t>(3 * width);
+  add_rows(bytes(above), bytes(below), static_cast<int>(n), sum.data());
+  std::copy_n(sum.data() + n - 3, 3, sum.data() + n);
+  sum[n + 3] = 0;
+  for (int u = 0; u < count; ++u) {
+    // Lanes of 16 bits: four of 255 do not carry.
+    std::uint64_t left = 0, right = 0;
+    std::memcpy(&left, sum.data() + 6 * u, 8);
+    std::memcpy(&right, sum.data() + 6 * u + 3, 8);
+    const std::uint64_t mean = (left + right + 0x0002000200020002U) >> 2U;
+    out[u] = {static_cast<std::uint8_t>(mean), static_cast<std::uint8_t>(mean >> 16U),
+              static_cast<std::uint8_t>(mean >> 32U)};
+  }
+}
+
+Rgb mean_of_coloured(const Rgb (&cell)[4], Rgb otherwise) noexcept {
+  unsigned r = 0, g = 0, b = 0, n = 0;
+  for (const Rgb c : cell) {
+    r += c.r, g += c.g, b += c.b;
+    n += has_colour(c) ? 1 : 0;
+  }
+  if (n == 0) return otherwise;
+  return {static_cast<std::uint8_t>((r + n / 2) / n), static_cast<std::uint8_t>((g + n / 2) / n),
+          static_cast<std::uint8_t>((b + n / 2) / n)};
+}
+
+}  // namespace
+
 void halve_colour(ImageView<const Rgb> image, ImageView<Rgb> out) noexcept {
   Rgb last = perception::kNeutral;
   for (int v = 0; v < out.height; ++v) {
-    const Rgb* const rows[2] = {image.row(2 * v), image.row(std::min(2 * v + 1, image.height - 1))};
+    const Rgb *above = image.row(2 * v), *below = image.row(std::min(2 * v + 1, image.height - 1));
+    Rgb* to = out.row(v);
+    if (!perception::may_lack_colour(above, image.width) &&
+        !perception::may_lack_colour(below, image.width)) {
+      halve_rows(above, below, image.width, to, out.width);
+      last = to[out.width - 1];
+      continue;
+    }
     for (int u = 0; u < out.width; ++u) {
-      const int columns[2] = {2 * u, std::min(2 * u + 1, image.width - 1)};
-      unsigned r = 0, g = 0, b = 0, n = 0;
-      for (const Rgb* row : rows) {
-        for (const int column : columns) {
-          const Rgb c = row[column];
-          r += c.r, g += c.g, b += c.b;
-          n += has_colour(c) ? 1 : 0;
-        }
-      }
-      if (n > 0)
-        last = {static_cast<std::uint8_t>((r + n / 2) / n),
-                static_cast<std::uint8_t>((g + n / 2) / n),
-                static_cast<std::uint8_t>((b + n / 2) / n)};
-      out.row(v)[u] = last;
+      const int x = 2 * u, beside = std::min(2 * u + 1, image.width - 1);
+      to[u] = last = mean_of_coloured({above[x], above[beside], below[x], below[beside]}, last);
     }
   }
 }
 
+namespace {
+
+TELETACT_CODEC_CLONES void mix_rows(const std::uint8_t* near, const std::uint8_t* far, int n,
+                                    std::uint16_t* sum) noexcept {
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) sum[i] = static_cast<std::uint16_t>(3 * near[i] + far[i]);
+}
+
+TELETACT_CODEC_CLONES void mix_cells(const std::uint16_t* own, const std::uint16_t* beside, int n,
+                                     std::uint8_t* out) noexcept {
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i)
+    out[i] = static_cast<std::uint8_t>(static_cast<std::uint16_t>(3 * own[i] + beside[i] + 8) >> 4);
+}
+
+// One pixel of each in turn, `width` of both together. A pair is written as eight bytes, of which
+// the next pair overwrites two; so the last ones are written one by one.
+void weave(const std::uint8_t* left, const std::uint8_t* right, int width, Rgb* out) noexcept {
+  static_assert(std::endian::native == std::endian::little);
+  constexpr std::uint64_t kPixel = 0xffffff;
+  auto* to = reinterpret_cast<std::uint8_t*>(out);
+  int u = 0;
+  for (; u + 2 < width; u += 2) {
+    std::uint32_t a = 0, b = 0;
+    std::memcpy(&a, left + 3 * (u / 2), 4);
+    std::memcpy(&b, right + 3 * (u / 2), 4);
+    const std::uint64_t pair = (a & kPixel) | (b & kPixel) << 24U;
+    std::memcpy(to + 3 * u, &pair, 8);
+  }
+  for (; u < width; ++u) std::memcpy(to + 3 * u, (u % 2 == 0 ? left : right) + 3 * (u / 2), 3);
+}
+
+}  // namespace
+
 void grow_colour(ImageView<const Rgb> in, ImageView<Rgb> out) noexcept {
-  // A pixel is 9/16 of its own cell, 3/16 of the two beside it, 1/16 of the corner.
-  struct Sum {
-    unsigned r, g, b;
-  };
-  std::array<Sum, (RgbdFrame::kMaxWidth + 1) / 2> column;
+  // A pixel is 9/16 of its own cell, 3/16 of the two beside it, 1/16 of the corner. A cell's left
+  // pixels and its right ones are computed apart; the border's cells stand beside themselves.
+  std::array<std::uint16_t, kMostBytes / 2 + 12> column;
+  std::array<std::uint8_t, kMostBytes / 2 + 6> left, right;
+  const int n = 3 * in.width;
+  std::uint16_t* own = column.data() + 3;
   for (int v = 0; v < out.height; ++v) {
-    const int own = v / 2, other = std::clamp(own + (v % 2 == 0 ? -1 : 1), 0, in.height - 1);
-    const Rgb *near = in.row(own), *far = in.row(other);
-    for (int x = 0; x < in.width; ++x)
-      column[static_cast<std::size_t>(x)] = {3U * near[x].r + far[x].r, 3U * near[x].g + far[x].g,
-                                             3U * near[x].b + far[x].b};
-    for (int u = 0; u < out.width; ++u) {
-      const int x = u / 2, beside = std::clamp(x + (u % 2 == 0 ? -1 : 1), 0, in.width - 1);
-      const Sum &a = column[static_cast<std::size_t>(x)],
-                &c = column[static_cast<std::size_t>(beside)];
-      out.row(v)[u] = {static_cast<std::uint8_t>((3 * a.r + c.r + 8) / 16),
-                       static_cast<std::uint8_t>((3 * a.g + c.g + 8) / 16),
-                       static_cast<std::uint8_t>((3 * a.b + c.b + 8) / 16)};
-    }
+    const int cell = v / 2, other = std::clamp(cell + (v % 2 == 0 ? -1 : 1), 0, in.height - 1);
+    mix_rows(bytes(in.row(cell)), bytes(in.row(other)), n, own);
+    std::copy_n(own, 3, column.data());
+    std::copy_n(own + n - 3, 3, own + n);
+    mix_cells(own, own - 3, n, left.data());
+    mix_cells(own, own + 3, n, right.data());
+    weave(left.data(), right.data(), out.width, out.row(v));
   }
 }
 
@@ -102,18 +175,42 @@ void to_yuv420(ImageView<const Rgb> image, const Yuv420& out) noexcept {
   }
 }
 
+namespace {
+
+// Of a row: in RGB, each channel by itself. Chroma has an entry for each pixel.
+struct RowPlanes {
+  std::array<std::uint8_t, RgbdFrame::kMaxWidth + 1> cb, cr, r, g, b;
+};
+
+TELETACT_CODEC_CLONES void to_rgb(const std::uint8_t* y, int n, RowPlanes& row) noexcept {
+#pragma GCC ivdep
+  for (int u = 0; u < n; ++u) {
+    const auto i = static_cast<std::size_t>(u);
+    const int luma = (y[u] << 16) + 32768, cb = row.cb[i] - 128, cr = row.cr[i] - 128;
+    const int r = (luma + 91881 * cr) >> 16, g = (luma - 22554 * cb - 46802 * cr) >> 16,
+              b = (luma + 116130 * cb) >> 16;
+    row.r[i] = static_cast<std::uint8_t>(std::min(std::max(r, 0), 255));
+    row.g[i] = static_cast<std::uint8_t>(std::min(std::max(g, 0), 255));
+    row.b[i] = static_cast<std::uint8_t>(std::min(std::max(b, 0), 255));
+  }
+}
+
+}  // namespace
+
 void from_yuv420(const Yuv420& in, ImageView<Rgb> image) noexcept {
-  const auto byte = [](int v) { return static_cast<std::uint8_t>(std::clamp(v >> 16, 0, 255)); };
+  RowPlanes row;
   for (int v = 0; v < image.height; ++v) {
-    const std::uint8_t* y = in.y + static_cast<std::ptrdiff_t>(v) * in.y_stride;
-    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(v / 2) * in.c_stride;
-    Rgb* to = image.row(v);
-    for (int u = 0; u < image.width; ++u) {
-      const int luma = (y[u] << 16) + 32768, cb = in.cb[at + u / 2] - 128,
-                cr = in.cr[at + u / 2] - 128;
-      to[u] = {byte(luma + 91881 * cr), byte(luma - 22554 * cb - 46802 * cr),
-               byte(luma + 116130 * cb)};
+    if (v % 2 == 0) {  // a row of chroma is of two
+      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(v / 2) * in.c_stride;
+      for (int u = 0; u < image.width; ++u) {
+        row.cb[static_cast<std::size_t>(u)] = in.cb[at + u / 2];
+        row.cr[static_cast<std::size_t>(u)] = in.cr[at + u / 2];
+      }
     }
+    to_rgb(in.y + static_cast<std::ptrdiff_t>(v) * in.y_stride, image.width, row);
+    Rgb* to = image.row(v);
+    for (std::size_t u = 0; u < static_cast<std::size_t>(image.width); ++u)
+      to[u] = {row.r[u], row.g[u], row.b[u]};
   }
 }
 
