@@ -45,11 +45,21 @@ void PicturePhase::taken(rt::Time start, rt::Time exposure) {
 }
 
 rt::Nanos PicturePhase::after_passed(rt::Nanos shortest) {
-  calm_looks_ = 0;
+  calm_ = 0;
   // Just before the arrivals; else a few come far behind the others: earlier would pass more.
   if (shortest >= kNear) return shortest > period_ - kNear ? good() : rt::Nanos{0};
+  if (tries_) patience_ = std::min(2 * patience_, kLatest);
+  tries_ = false;
   slower_ = std::min(slower_ + kStep, kSlowest);
   return kStep;
+}
+
+void PicturePhase::try_less() noexcept {
+  calm_ += waits_.size();
+  if (slower_ == rt::Nanos{0} || calm_ < patience_) return;
+  calm_ = 0;
+  tries_ = true;
+  slower_ = std::max(rt::Nanos{0}, slower_ - kTry);
 }
 
 rt::Nanos PicturePhase::look() {
@@ -68,10 +78,7 @@ rt::Nanos PicturePhase::decide() {
   const rt::Nanos shortest = *at;
   if (passed_ > kFew) return after_passed(shortest);
   const bool many_missed = missed_ > kByChance, few = pictures_ < kPictures;
-  if (!few && slower_ > rt::Nanos{0} && ++calm_looks_ == kLooks) {
-    calm_looks_ = 0;
-    slower_ = std::max(rt::Nanos{0}, slower_ - rt::Nanos{std::chrono::milliseconds{1}});
-  }
+  try_less();
   if (shortest > most() + (few ? kFar : rt::Nanos{0})) return period_ - (shortest - good());
   // In the midst of the arrivals: the late ones find the next job, and there the next picture.
   // Missed without that, they are by a job that came late, and no phase helps.

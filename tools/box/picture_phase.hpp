@@ -45,16 +45,21 @@ class PicturePhase {
   // seen of few is done from kFar on.
   static constexpr std::size_t kFirst = 15, kMore = 5;
   static constexpr rt::Nanos kFar = std::chrono::milliseconds{1};
-  // Where pictures were passed, good is kStep longer on this machine, up to kSlowest; and 1 ms less
-  // after each kLooks looks without. Else the short wait would be tried again at the next look.
+  // Where pictures were passed, good is kStep longer on this machine, up to kSlowest. Else the
+  // short wait would be tried again at the next look. It is kTry less after so many pictures of
+  // which few were passed: kSoonest at first, for a box that has just begun decodes slowly, and
+  // twice as many each time that a try has failed, up to kLatest, a minute.
+  // chosen on: the test's pictures, an idle machine of two cores; judged on: nothing else
   static constexpr rt::Nanos kSlowest = std::chrono::milliseconds{9};
-  static constexpr int kLooks = 30;
+  static constexpr rt::Nanos kTry = std::chrono::milliseconds{1};
+  static constexpr std::size_t kSoonest = 90, kLatest = 1800;
 
  private:
   [[nodiscard]] rt::Nanos good() const { return kGood + slower_; }
   [[nodiscard]] rt::Nanos most() const { return kMost + slower_; }
   [[nodiscard]] rt::Nanos decide();
   [[nodiscard]] rt::Nanos after_passed(rt::Nanos shortest);
+  void try_less() noexcept;
   struct Arrival {
     rt::Time at, exposure;
   };
@@ -63,9 +68,10 @@ class PicturePhase {
   std::deque<Arrival> waiting_;    // arrived, taken by no job yet
   rt::Time job_{};                 // the newest
   std::vector<rt::Nanos> waits_;
-  rt::Nanos slower_{0};     // than the fastest: what kGood and kMost are longer by
-  int calm_looks_ = 0;      // since pictures were passed, or since slower_ was less
-  std::size_t missed_ = 0;  // overwritten by the next one before a job came
+  rt::Nanos slower_{0};  // than the fastest: what kGood and kMost are longer by
+  std::size_t calm_ = 0, patience_ = kSoonest;  // pictures since some were passed or kTry was tried
+  bool tries_ = false;                          // the newest change of slower_ was kTry
+  std::size_t missed_ = 0;                      // overwritten by the next one before a job came
   std::size_t passed_ = 0;  // there before a job that did not take it, not yet decoded
 };
 

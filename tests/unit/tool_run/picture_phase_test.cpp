@@ -124,6 +124,24 @@ TEST(PicturePhase, SlowDecodingCostsNoPeriod) {
   }
 }
 
+// A box that has just begun decodes slowly: that is no longer waited for half a minute later.
+TEST(PicturePhase, ASlowStartIsSoonForgotten) {
+  for (std::int64_t phase = 0; phase < kPeriod; phase += kPeriod / 20) {
+    SCOPED_TRACE(std::to_string(phase) + " ns");
+    Pictures run(3000 + static_cast<std::uint64_t>(phase), phase), quick = run;
+    run.decode = 8 * kMs;
+    run.seconds(4);
+    run.decode = 2 * kMs;
+    run.seconds(26);
+    quick.decode = 2 * kMs;
+    quick.seconds(30);
+    for (Pictures* each : {&run, &quick}) each->seconds(20);
+    if (testing::Test::HasFatalFailure()) return;
+    EXPECT_LE(run.p95_ms(), quick.p95_ms() + 3.5) << "the band of a good wait";
+    EXPECT_LE(run.missed, 12U) << "of 600";
+  }
+}
+
 // 50 ppm, 3 ms a minute, either way, for half an hour.
 TEST(PicturePhase, ClocksThatDriftAreFollowed) {
   for (const std::int64_t ppm : {-50, 50}) {
