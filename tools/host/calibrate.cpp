@@ -279,13 +279,8 @@ void note_asked(tasks::Calibration& c, const Scene& scene) {
   c.pictures = scene.graph.capture.pictures.dialect();
 }
 
-// Of the threads that are no tasks.
-void note_ordinary(tasks::Calibration& c, const VirtualRun& run, const Scene& scene) {
-  const auto share = [&run](std::int64_t cpu_ns) {
-    return 1e-9 * static_cast<double>(cpu_ns) / run.seconds;
-  };
-  if (scene.rgbd_dir.empty()) c.camera_twin_share = share(run.robot.camera_twin_cpu_ns);
-  c.link_share = share(run.link_cpu_ns);
+double share_of(std::int64_t cpu_ns, const VirtualRun& run) {
+  return 1e-9 * static_cast<double>(cpu_ns) / run.seconds;
 }
 
 void tell_not_tracking(const tasks::Calibration& c) {
@@ -332,7 +327,9 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
   const VirtualRun stored = run_virtual(nrt, scene, o, tasks::Calibration{});
   end_if_asked();
-  note_ordinary(c, stored, scene);
+  c.link_share = share_of(stored.link_cpu_ns, stored);
+  if (scene.rgbd_dir.empty())
+    c.camera_twin_share = share_of(stored.robot.camera_twin_cpu_ns, stored);
   Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot),
                 kOperatorClock.to_host(rt::time_from_ns(stored.op.epoch_ns)) +
                     rt::nanos_from_seconds(o.passer_from_s).count(),
@@ -357,8 +354,8 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   return c;
 }
 
-tasks::Calibration with_ordinary(rt::NonRealtime& nrt, Scene& scene, double seconds,
-                                 const tasks::Calibration& calibration) {
+tasks::Calibration with_link(rt::NonRealtime& nrt, Scene& scene, double seconds,
+                             const tasks::Calibration& calibration) {
   tasks::Calibration c = as_asked(calibration, scene);
   DemoOptions o;
   o.seconds = seconds;
@@ -369,7 +366,7 @@ tasks::Calibration with_ordinary(rt::NonRealtime& nrt, Scene& scene, double seco
   const VirtualRun run = run_virtual(nrt, scene, o, tasks::Calibration{});
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
   end_if_asked();
-  note_ordinary(c, run, scene);
+  c.link_share = share_of(run.link_cpu_ns, run);
   return c;
 }
 

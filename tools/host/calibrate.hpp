@@ -50,10 +50,10 @@ struct CalibrationInput {
 [[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, Scene&, double seconds, bool quiet,
                                            CalibrationInput* input = nullptr);
 
-// Only what ordinary threads take here, with the scene as it is: `calibration` as the scene asks
-// for it, with camera_twin_share and link_share measured.
-[[nodiscard]] tasks::Calibration with_ordinary(rt::NonRealtime&, Scene&, double seconds,
-                                               const tasks::Calibration& calibration);
+// `calibration` as the scene asks for it, of which only link_share is measured here, with the
+// scene's own pictures and codecs.
+[[nodiscard]] tasks::Calibration with_link(rt::NonRealtime&, Scene&, double seconds,
+                                           const tasks::Calibration& calibration);
 
 // This host, this program (its bytes), the scene's values in effect and its recording.
 [[nodiscard]] tasks::CalibrationOrigin calibration_origin(const Scene&);

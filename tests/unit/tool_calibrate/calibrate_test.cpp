@@ -61,9 +61,10 @@ TEST(Calibrate, TellsWhatTheLinkTakesWithTheScenesCodecs) {
   EXPECT_GT(plain.link_share, 0.005);
   EXPECT_LT(plain.link_share, 1);
   const auto coded = scene({"link.depth_codec=\"moving\"", "link.colour_codec=\"jpeg\""});
-  const Calibration c = teletact::with_ordinary(nrt(), *coded, 2, plain);
+  const Calibration c = teletact::with_link(nrt(), *coded, 2, plain);
   EXPECT_GT(c.link_share, 1.15 * plain.link_share);
   EXPECT_EQ(c.rows.size(), plain.rows.size());
+  EXPECT_EQ(c.camera_twin_share, plain.camera_twin_share);
   EXPECT_GT(c.find("capture", "", 0)->p50_us, plain.find("capture", "", 0)->p50_us + 1000);
   const auto s = scene();
   EXPECT_EQ(teletact::declared_link_share(*s, plain), tasks::declared_link_share(plain));

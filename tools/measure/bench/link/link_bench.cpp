@@ -32,7 +32,7 @@ constexpr double kLeastMovingAll_s = 8;
 constexpr double kPairedRun_s = 12;
 constexpr const char* kPairs = "pairs";
 // Simulated, of each scene: the default mark is driven to in 6.
-constexpr double kOrdinary_s = 12;
+constexpr double kMeasured_s = 12;
 // After the road fell silent: what left before still arrives (kPath_ms), and until the first that
 // was held up arrives.
 constexpr double kUntil_ms = kStall_ms + 75;
@@ -193,17 +193,17 @@ LinkRow judge(const RigRun& run, const RigResult& r) {
   return row;
 }
 
-// Both boxes are admitted with what ordinary threads were measured to take here, as on a host that
-// has calibrated itself; what tasks cost is the reference's, so that each host runs the same
-// variants.
-class OrdinaryCosts {
+// Both boxes are admitted with what the link was measured to take here, as on a host that has
+// calibrated itself. What tasks and the camera's twin cost is the reference's, so that each host
+// runs the same variants.
+class LinkCosts {
  public:
   [[nodiscard]] tasks::Calibration of(const RigRun& run) {
     auto& known = known_[{run.scene, run.keys}];
     if (!known) {
       auto keys = run.keys;
       const auto scene = load_scene(find_config("scenes", run.scene), keys);
-      known = with_ordinary(startup_.token(), *scene, kOrdinary_s, reference_calibration());
+      known = with_link(startup_.token(), *scene, kMeasured_s, reference_calibration());
     }
     return *known;
   }
@@ -236,7 +236,7 @@ LinkBenchResult bench_link(std::ostream& progress, const LinkBenchOptions& optio
   const auto wanted = [&](const std::string& name) {
     return only.empty() || std::find(only.begin(), only.end(), name) != only.end();
   };
-  OrdinaryCosts costs;
+  LinkCosts costs;
   std::vector<RigRun> runs = runs_of(options);
   for (RigRun& run : runs) {
     if (!wanted(run.name)) continue;
