@@ -48,7 +48,7 @@ class PicturePhase {
   // Where pictures were passed, good is kStep longer on this machine, up to kSlowest. Else the
   // short wait would be tried again at the next look. It is kTry less after so many pictures of
   // which few were passed: kSoonest at first, for a box that has just begun decodes slowly, and
-  // twice as many each time that a try has failed, up to kLatest, a minute.
+  // twice as many each time that some were passed after it was lessened, up to kLatest, a minute.
   // chosen on: the test's pictures, an idle machine of two cores; judged on: nothing else
   static constexpr rt::Nanos kSlowest = std::chrono::milliseconds{9};
   static constexpr rt::Nanos kTry = std::chrono::milliseconds{1};
@@ -70,7 +70,7 @@ class PicturePhase {
   std::vector<rt::Nanos> waits_;
   rt::Nanos slower_{0};  // than the fastest: what kGood and kMost are longer by
   std::size_t calm_ = 0, patience_ = kSoonest;  // pictures since some were passed or kTry was tried
-  bool tries_ = false;                          // the newest change of slower_ was kTry
+  bool tries_ = false;                          // the newest change of slower_ was kTry less
   std::size_t missed_ = 0;                      // overwritten by the next one before a job came
   std::size_t passed_ = 0;  // there before a job that did not take it, not yet decoded
 };

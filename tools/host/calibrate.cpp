@@ -327,9 +327,11 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
   const VirtualRun stored = run_virtual(nrt, scene, o, tasks::Calibration{});
   end_if_asked();
-  c.link_share = share_of(stored.link_cpu_ns, stored);
-  if (scene.rgbd_dir.empty())
+  // A recording ends, and then its last image is held: the link would seem to take less.
+  if (scene.rgbd_dir.empty()) {
+    c.link_share = share_of(stored.link_cpu_ns, stored);
     c.camera_twin_share = share_of(stored.robot.camera_twin_cpu_ns, stored);
+  }
   Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot),
                 kOperatorClock.to_host(rt::time_from_ns(stored.op.epoch_ns)) +
                     rt::nanos_from_seconds(o.passer_from_s).count(),

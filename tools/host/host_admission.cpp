@@ -87,8 +87,11 @@ tasks::PictureCost picture_cost_of(const Scene& scene) {
 
 tasks::Calibration as_asked(const tasks::Calibration& given, const Scene& scene) {
   const auto& pictures = scene.graph.capture.pictures;
-  return tasks::with_pictures(tasks::with_ray_cast(given, ray_cast_us(scene)), pictures.dialect(),
-                              picture_cost_of(scene).encode_us);
+  const tasks::PictureCost cost = picture_cost_of(scene);
+  tasks::Calibration c = tasks::with_pictures(tasks::with_ray_cast(given, ray_cast_us(scene)),
+                                              pictures.dialect(), cost.encode_us);
+  if (c.link_share >= 0 && c.pictures != given.pictures) c.link_share += cost.decode_share;
+  return c;
 }
 
 tasks::ChoiceLimits choice_limits(const Scene& scene) {
@@ -116,7 +119,8 @@ tasks::BestEffortShares declared_shares(const Scene& scene, const tasks::Calibra
 }
 
 double declared_link_share(const Scene& scene, const tasks::Calibration& calibration) {
-  const bool with_codecs = calibration.link_share >= 0 && !calibration.pictures.empty();
+  const bool with_codecs =
+      calibration.link_share >= 0 && calibration.pictures == scene.graph.capture.pictures.dialect();
   return tasks::declared_link_share(calibration) +
          (with_codecs ? 0 : picture_cost_of(scene).decode_share);
 }

@@ -45,7 +45,8 @@ class SimLink final : public rt::Actor {
   // Hash over all bytes sent, both directions.
   [[nodiscard]] std::uint64_t byte_hash() const noexcept { return hash_.digest(); }
   // CPU that both ends took so far, decoding included: what the threads of two transports take,
-  // less sockets, TLS and waking up.
+  // less sockets, TLS and waking up. The hash over the bytes, an emulated network and a recorder
+  // are in it too: a little more, never less.
   [[nodiscard]] std::int64_t cpu_ns() const noexcept { return cpu_ns_; }
   // Bytes that this object holds for both directions: what a run of days must not let grow.
   [[nodiscard]] std::size_t held_bytes() const noexcept;

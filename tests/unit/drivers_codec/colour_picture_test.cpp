@@ -103,6 +103,7 @@ TEST(ColourPicture, AHalfOneHasTheMeanOfWhatHasColour) {
       Picture out(wanted.w, wanted.h);
       drivers::halve_colour(in.view(), out.view());
       ASSERT_EQ(out.rgb, wanted.rgb) << w << " x " << h << ", holes " << holes;
+      ASSERT_TRUE(out.guarded());
     }
   });
 }

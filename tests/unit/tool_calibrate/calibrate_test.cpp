@@ -69,7 +69,12 @@ TEST(Calibrate, TellsWhatTheLinkTakesWithTheScenesCodecs) {
   const auto s = scene();
   EXPECT_EQ(teletact::declared_link_share(*s, plain), tasks::declared_link_share(plain));
   EXPECT_EQ(teletact::declared_link_share(*coded, c), tasks::declared_link_share(c));
-  // Measured without: they come on top.
+  // Measured without, or with others: they come on top, also of what was made for this scene.
+  Calibration other = c;
+  other.pictures = "depth quiet, colour jpeg";
+  EXPECT_GT(teletact::declared_link_share(*coded, other), tasks::declared_link_share(c) + 0.05);
+  EXPECT_GT(teletact::declared_link_share(*coded, teletact::as_asked(plain, *coded)),
+            tasks::declared_link_share(plain) + 0.05);
   EXPECT_GT(teletact::declared_link_share(*coded, plain), tasks::declared_link_share(plain) + 0.05);
   EXPECT_GT(teletact::declared_link_share(*coded, {}),
             teletact::declared_link_share(*s, {}) + 0.05);
