@@ -283,6 +283,13 @@ double share_of(std::int64_t cpu_ns, const VirtualRun& run) {
   return 1e-9 * static_cast<double>(cpu_ns) / run.seconds;
 }
 
+// Of threads that are no tasks. Not with a recording: it ends, and then its last image is held, so
+// that the link would seem to take less.
+void note_ordinary(tasks::Calibration& c, const VirtualRun& run) {
+  c.link_share = share_of(run.link_cpu_ns, run);
+  c.camera_twin_share = share_of(run.robot.camera_twin_cpu_ns, run);
+}
+
 void tell_not_tracking(const tasks::Calibration& c) {
   for (const auto& row : c.rows) {
     const std::string why = c.does_not_track(row);
@@ -327,11 +334,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
   const VirtualRun stored = run_virtual(nrt, scene, o, tasks::Calibration{});
   end_if_asked();
-  // A recording ends, and then its last image is held: the link would seem to take less.
-  if (scene.rgbd_dir.empty()) {
-    c.link_share = share_of(stored.link_cpu_ns, stored);
-    c.camera_twin_share = share_of(stored.robot.camera_twin_cpu_ns, stored);
-  }
+  if (scene.rgbd_dir.empty()) note_ordinary(c, stored);
   Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot),
                 kOperatorClock.to_host(rt::time_from_ns(stored.op.epoch_ns)) +
                     rt::nanos_from_seconds(o.passer_from_s).count(),
