@@ -26,6 +26,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "drivers/codec/depth_lattice.hpp"
 #include "drivers/codec/depth_stream.hpp"
 #include "drivers/codec/depth_stripe.hpp"
 
@@ -38,11 +39,12 @@ struct FilterDemand {
   int bound = 0;       // points: |shown - reading|, the rounding to a step included
   const std::int32_t* quiet_bound = nullptr;  // the same for quiet, by reading / kBoundCell;
                                               // at most kMostBound
+  int near_points = 0;                        // readings below have the bound of the first cell
   std::uint32_t seq = 0;                      // of the frame: whose turn it is
 };
 
 inline constexpr int kBoundCell = 128;  // points
-inline constexpr int kMostBound = 255;  // points
+inline constexpr int kMostBound = 250;  // points: as 256ths they fit 16 bits
 
 class DepthFilter {
  public:
@@ -61,15 +63,16 @@ class DepthFilter {
   [[nodiscard]] const std::uint8_t* due() const noexcept { return due_.data(); }
 
  private:
-  // The memory, each an array over the pixels of the stripe.
-  std::vector<std::int32_t> mean_;  // points, 8 bits of fraction
+  // The memory, each an array over the pixels of the stripe. In 16 bits: depth_filter_kernel.hpp.
+  std::vector<std::uint16_t> mean_, fraction_;  // points, and 256ths of one
   std::vector<std::uint16_t> above_,
-      below_;                        // mean deviations up, down: points, 8 bits of fraction
-  std::vector<std::int16_t> debt_;   // points
-  std::vector<std::uint16_t> age_;   // readings in the mean; 0: none
-  std::vector<std::int32_t> turns_;  // of one row: whose turn it is
+      below_;                       // mean deviations up, down: points, 8 bits of fraction
+  std::vector<std::int16_t> debt_;  // points
+  std::vector<std::uint16_t> age_;  // readings in the mean; 0: none
   std::vector<std::uint16_t> target_;
   std::vector<std::uint8_t> due_;
+  // Of one row: whose turn it is, and the bound of each pixel.
+  std::vector<std::uint16_t> turns_, most_;
   const std::uint16_t* wanted_ = nullptr;
   bool remembers_ = true;  // false: no age, all due
 };

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/codec/clones.hpp"
 #include "drivers/codec/depth_blocks.hpp"
 #include "drivers/codec/depth_filter.hpp"
 #include "drivers/codec/depth_frame.hpp"
@@ -60,6 +61,14 @@ struct Cut {
   std::array<StripeShape, kStripes> stripes{};
 };
 
+TELETACT_CODEC_CLONES void shift_in(std::uint8_t* history, const std::uint16_t* points,
+                                    std::size_t count) noexcept {
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < count; ++i) {
+    history[i] = static_cast<std::uint8_t>(history[i] << 1U | (points[i] != 0 ? 1U : 0U));
+  }
+}
+
 // What both sides hold after a frame.
 struct Picture {
   explicit Picture(const Cut& cut) : points(cut.padded()), history(cut.padded()) {}
@@ -69,9 +78,7 @@ struct Picture {
   }
   // After a frame: who had a reading in it.
   void remember(std::size_t first, std::size_t count) noexcept {
-    for (std::size_t i = first; i < first + count; ++i) {
-      history[i] = static_cast<std::uint8_t>(history[i] << 1U | (points[i] != 0 ? 1U : 0U));
-    }
+    shift_in(history.data() + first, points.data() + first, count);
   }
   [[nodiscard]] std::uint64_t hash() const noexcept {
     rt::Hash64 h;
@@ -128,6 +135,7 @@ struct DepthEncoder::State {
   Picture picture;
   std::vector<std::uint16_t> reading;     // of this frame, points
   std::vector<std::int32_t> quiet_bound;  // FilterDemand's
+  int near_points = 0;                    // FilterDemand's
   std::vector<Stripe> stripes;
 };
 
@@ -145,6 +153,9 @@ void DepthEncoder::State::bound_quiet() {
       --bound;
     }
   }
+  const auto other = std::find_if(quiet_bound.begin(), quiet_bound.end(),
+                                  [&](int bound) { return bound != quiet_bound[0]; });
+  near_points = static_cast<int>(other - quiet_bound.begin()) * codec::kBoundCell;
 }
 
 void DepthEncoder::State::read(int stripe, bool lossless,
@@ -175,6 +186,7 @@ void DepthEncoder::State::code(int stripe, const DepthFrameHeader& h,
                                    kLeastGate[static_cast<std::size_t>(law)],
                                    depth_error_bound_eighths(h.mode, h.step),
                                    quiet_bound.data(),
+                                   near_points,
                                    h.seq};
   s.restless = s.filter.plan(shape, demand, x, y);
   codec::StripePlan plan{x, s.filter.target(), s.filter.due(), s.blocks.kinds(), 0};

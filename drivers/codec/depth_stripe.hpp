@@ -54,6 +54,7 @@ class StripeEncoder {
  private:
   class Io;
   [[nodiscard]] bool assemble(std::size_t raw_bytes) noexcept;
+  void count() noexcept;
   void write_tables(BitWriter& head) noexcept;
   void plain(const StripeShape& shape, const std::uint16_t* points) noexcept;
 

@@ -16,9 +16,11 @@ class StripeDecoder::Io {
     bad_ |= s == kSwitch;
     return value(s, prediction);
   }
-  [[nodiscard]] Coded temporal(int context, int pixel, int before, int prediction) noexcept {
+  template <class Prediction>
+  [[nodiscard]] Coded temporal(int context, int pixel, int before,
+                               const Prediction& in_space) noexcept {
     const unsigned s = rans_.get(table(context));
-    if (s == kSwitch) return spatial(kAloneContext, pixel, prediction);
+    if (s == kSwitch) return spatial(kAloneContext, pixel, in_space());
     return value(s, before);
   }
   [[nodiscard]] bool bad() const noexcept { return bad_; }
@@ -85,7 +87,7 @@ bool StripeDecoder::decode(const StripeShape& shape, const StepScale& scale,
   if (!read_tables(tables) || !rans.begin(in.subspan(head + raw_bytes))) return false;
   Io io(*this, scale, rans, raw);
   Walk<Io> walk(shape, rows_, io, points, history);
-  return walk.run(0) && rans.at_end() && raw.at_end();
+  return walk.run() && rans.at_end() && raw.at_end();
 }
 
 }  // namespace drivers::codec

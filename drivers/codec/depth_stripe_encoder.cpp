@@ -23,6 +23,7 @@ class StripeEncoder::Io {
         inverse_(((std::uint64_t{1} << 32U) + static_cast<unsigned>(scale.step) - 1) /
                  static_cast<unsigned>(scale.step)),
         half_(scale.step / 2),
+        next_(to.records_.data()),
         raw_(to.raw_) {}
 
   [[nodiscard]] unsigned kind(int context, int block) noexcept {
@@ -38,28 +39,31 @@ class StripeEncoder::Io {
     const int d = plan_.target[pixel] - prediction;
     return write(context, prediction, std::abs(d) <= plan_.dead_zone ? 0 : steps(d));
   }
-  [[nodiscard]] Coded temporal(int context, int pixel, int before, int prediction) noexcept {
+  template <class Prediction>
+  [[nodiscard]] Coded temporal(int context, int pixel, int before,
+                               const Prediction& in_space) noexcept {
     const int r = plan_.due[pixel] != 0 ? steps(plan_.target[pixel] - before) : 0;
     if (fold(r) >= kSwitchFrom) {
-      const int in_space = steps(plan_.target[pixel] - prediction);
-      if (2 * std::abs(in_space) < std::abs(r)) {
+      const int prediction = in_space();
+      const int s = steps(plan_.target[pixel] - prediction);
+      if (2 * std::abs(s) < std::abs(r)) {
         record(context, kSwitch);
-        return write(kAloneContext, prediction, in_space);
+        return write(kAloneContext, prediction, s);
       }
     }
     return write(context, before, r);
   }
   [[nodiscard]] static bool bad() noexcept { return false; }
   [[nodiscard]] BitWriter& raw() noexcept { return raw_; }
+  [[nodiscard]] std::size_t recorded() const noexcept {
+    return static_cast<std::size_t>(next_ - to_.records_.data());
+  }
 
  private:
   void record(int context, unsigned symbol) noexcept {
     note(static_cast<unsigned>(context) << 5U | symbol);
   }
-  void note(std::size_t record) noexcept {
-    to_.records_[to_.recorded_++] = static_cast<std::uint16_t>(record);
-    ++to_.counts_[record];
-  }
+  void note(std::size_t record) noexcept { *next_++ = static_cast<std::uint16_t>(record); }
   // To the nearest number of steps.
   [[nodiscard]] int steps(int d) const noexcept {
     const auto n = static_cast<std::uint64_t>(std::abs(d) + half_);
@@ -80,11 +84,12 @@ class StripeEncoder::Io {
     return {scale_.value(prediction, r), std::min(std::abs(r), kMostSize)};
   }
 
-  StripeEncoder& to_;
-  const StripePlan& plan_;
+  const StripeEncoder& to_;
+  const StripePlan plan_;
   StepScale scale_;
   std::uint64_t inverse_;
   int half_;
+  std::uint16_t* next_;  // of the records
   BitWriter raw_;
 };
 
@@ -98,15 +103,25 @@ StripeEncoder::StripeEncoder(const StripeShape& most)
 
 void StripeEncoder::encode(const StripeShape& shape, const StepScale& scale, const StripePlan& plan,
                            std::uint16_t* points, const std::uint8_t* history) noexcept {
-  recorded_ = 0;
-  counts_ = {};
   Io io(*this, scale, plan);
   Walk<Io> walk(shape, rows_, io, points, history);
-  static_cast<void>(walk.run(0));
+  static_cast<void>(walk.run());
+  recorded_ = io.recorded();
+  count();
   const std::size_t raw_bytes = io.raw().finish();
   if (io.raw().full() || !assemble(raw_bytes) || size_ > shape.plain_bytes()) {
     plain(shape, points);
   }
+}
+
+// In two tables by turns: the same record often comes twice, and would wait for itself.
+void StripeEncoder::count() noexcept {
+  counts_ = {};
+  std::array<std::uint32_t, kRecords> odd{};
+  std::size_t i = 0;
+  for (; i + 1 < recorded_; i += 2) ++counts_[records_[i]], ++odd[records_[i + 1]];
+  if (i < recorded_) ++counts_[records_[i]];
+  for (i = 0; i < kRecords; ++i) counts_[i] += odd[i];
 }
 
 void StripeEncoder::write_tables(BitWriter& head) noexcept {

@@ -17,7 +17,8 @@
 //   unsigned kind(int context, int block)         block: index in the stripe
 //   bool     valid(int context, int pixel)        has a reading
 //   Coded    spatial(int context, int pixel, int prediction)
-//   Coded    temporal(int context, int pixel, int before, int prediction)   may switch
+//   Coded    temporal(int context, int pixel, int before, prediction)   may switch, then calls
+//                                                                       prediction()
 //   bool     bad()                                what was read can not be
 #pragma once
 
@@ -26,6 +27,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <span>
 #include <vector>
 
 namespace drivers::codec {
@@ -72,7 +74,14 @@ struct StripeShape {
   [[nodiscard]] int blocks() const noexcept { return blocks_wide() * (rows / kBlock); }
 };
 
-// Rows of values and sizes around the one that is being coded, with margins.
+// Blocks of a kind side by side.
+struct BlockRun {
+  std::uint8_t kind = kEmptyBlock;
+  int x0 = 0, x1 = 0;  // px
+};
+
+// Rows of values and sizes around the one that is being coded, with margins; and the kinds of the
+// blocks that it lies in.
 class WalkRows {
  public:
   static constexpr int kMargin = 4;
@@ -82,10 +91,11 @@ class WalkRows {
         linear_(2 * static_cast<std::size_t>(width)),
         sizes_(2 * length_),
         there_(2 * length_),
-        kinds_(2 * (static_cast<std::size_t>(width) / kBlock + 1)) {}
+        kinds_(2 * (static_cast<std::size_t>(width) / kBlock + 1)),
+        runs_(static_cast<std::size_t>(width) / kBlock) {}
 
-  void begin(int start) noexcept {
-    std::fill(values_.begin(), values_.end(), start);
+  void begin() noexcept {
+    std::fill(values_.begin(), values_.end(), std::uint16_t{0});
     std::fill(sizes_.begin(), sizes_.end(), std::uint16_t{0});
     std::fill(there_.begin(), there_.end(), std::uint16_t{0});
     std::fill(kinds_.begin(), kinds_.end(), static_cast<std::uint8_t>(kSameBlock));
@@ -101,17 +111,28 @@ class WalkRows {
   void end_row(int width, bool first) noexcept {
     for (int i = 0; i < kMargin; ++i) now[width + i] = now[width - 1];
     if (first) std::memcpy(up - kMargin, now - kMargin, length_ * sizeof *now);
-    std::int32_t* const old = up2;
+    std::uint16_t* const old = up2;
     up2 = up, up = now, now = old;
     std::swap(size, size_up);
     std::swap(there, there_up);
   }
+  // From `kinds`, of so many blocks.
+  void find_runs(int blocks) noexcept {
+    run_count_ = 0;
+    for (int bx = 0; bx < blocks; ++bx) {
+      if (bx == 0 || kinds[bx] != kinds[bx - 1]) runs_[run_count_++] = {kinds[bx], bx * kBlock, 0};
+      runs_[run_count_ - 1].x1 = (bx + 1) * kBlock;
+    }
+  }
+  [[nodiscard]] std::span<const BlockRun> runs() const noexcept {
+    return {runs_.data(), run_count_};
+  }
   // The part of the linear predictions that lies in the rows above. Of the plane, in 64ths: the
   // row above has weights 8 + 4 dx, the one above it -4 + 4 dx, and the row itself 19, 14, 11: the
   // least-squares plane of these neighbours, rounded to what still reproduces any plane exactly.
-  void predict_rows(int width) noexcept {
-    for (int x = 0; x < width; ++x) {
-      const std::int32_t *n = up + x, *nn = up2 + x;
+  void predict_rows(int x0, int x1) noexcept {
+    for (int x = x0; x < x1; ++x) {
+      const std::uint16_t *n = up + x, *nn = up2 + x;
       const std::int32_t near = n[-2] + n[-1] + n[0] + n[1] + n[2];
       const std::int32_t far = nn[-2] + nn[-1] + nn[0] + nn[1] + nn[2];
       const std::int32_t slope =
@@ -121,21 +142,25 @@ class WalkRows {
     }
   }
 
-  std::int32_t *now = nullptr, *up = nullptr, *up2 = nullptr, *plane = nullptr, *mean = nullptr;
+  std::int32_t *plane = nullptr, *mean = nullptr;
   // Not bytes: a byte may be a part of anything, and the compiler would read all again after each.
+  std::uint16_t *now = nullptr, *up = nullptr, *up2 = nullptr;
   std::uint16_t *size = nullptr, *size_up = nullptr, *there = nullptr, *there_up = nullptr;
   std::uint8_t *kinds = nullptr, *kinds_up = nullptr;
 
  private:
   std::size_t length_;
-  std::vector<std::int32_t> values_, linear_;
+  std::vector<std::uint16_t> values_;
+  std::vector<std::int32_t> linear_;
   std::vector<std::uint16_t> sizes_, there_;
   std::vector<std::uint8_t> kinds_;
+  std::vector<BlockRun> runs_;
+  std::size_t run_count_ = 0;
 };
 
 [[nodiscard]] inline int edge_prediction(int w, int n, int nw) noexcept {
-  const int low = std::min(w, n), high = std::max(w, n);
-  return nw >= high ? low : nw <= low ? high : w + n - nw;
+  // Without a jump: which of the three it is, is as good as random.
+  return std::max(std::min(w, n), std::min(std::max(w, n), w + n - nw));
 }
 
 template <class Io>
@@ -146,10 +171,11 @@ class Walk {
       : shape_(shape), r_(rows), io_(io), points_(points), history_(history) {}
 
   // False: what was read can not be.
-  [[nodiscard]] bool run(int start) noexcept {
-    r_.begin(start);
+  [[nodiscard]] bool run() noexcept {
+    r_.begin();
     for (int by = 0; by * kBlock < shape_.rows; ++by) {
       if (!read_kinds(by)) return false;
+      r_.find_runs(shape_.blocks_wide());
       for (int y = by * kBlock; y < (by + 1) * kBlock; ++y) {
         row(y);
         if (io_.bad()) return false;
@@ -168,16 +194,12 @@ class Walk {
 
   [[nodiscard]] bool read_kinds(int by) noexcept {
     const int wide = shape_.blocks_wide();
-    linear_ = false;
     for (int bx = 0; bx < wide; ++bx) {
       const int context =
           kKindContext + 3 * kind_class(r_.kinds[bx - 1]) + kind_class(r_.kinds_up[bx]);
       const unsigned kind = io_.kind(context, by * wide + bx);
       if (kind >= kBlockKinds) return false;
       r_.kinds[bx] = static_cast<std::uint8_t>(kind);
-      const unsigned p = kind == kEmptyBlock ? 0 : (kind - 1) % 5;
-      linear_ |= p == static_cast<unsigned>(Prediction::kPlane) ||
-                 p == static_cast<unsigned>(Prediction::kMean);
     }
     return true;
   }
@@ -185,51 +207,68 @@ class Walk {
   void row(int y) noexcept {
     r_.begin_row();
     first_ = y == 0;
-    if (linear_) r_.predict_rows(shape_.width);
     at_ = y * shape_.width;
-    for (int bx = 0; bx < shape_.blocks_wide(); ++bx) segment(r_.kinds[bx], bx * kBlock);
+    for (const BlockRun& run : r_.runs()) segment(run);
     r_.end_row(shape_.width, first_);
   }
 
-  void segment(unsigned kind, int x) noexcept {
-    if (kind == kEmptyBlock) return empty(x);
-    if (kind == kSameBlock) return same(x);
-    switch (static_cast<Validity>((kind - 1) / 5)) {
+  void segment(const BlockRun& run) noexcept {
+    if (run.kind == kEmptyBlock) return empty(run.x0, run.x1);
+    if (run.kind == kSameBlock) return same(run.x0, run.x1);
+    switch (static_cast<Validity>((run.kind - 1) / 5)) {
       case Validity::kAsBefore:
-        return predicted<Validity::kAsBefore>(kind, x);
+        return predicted<Validity::kAsBefore>(run);
       case Validity::kAll:
-        return predicted<Validity::kAll>(kind, x);
+        return predicted<Validity::kAll>(run);
       case Validity::kMixed:
-        return predicted<Validity::kMixed>(kind, x);
+        return predicted<Validity::kMixed>(run);
     }
   }
   template <Validity V>
-  void predicted(unsigned kind, int x) noexcept {
-    switch (static_cast<Prediction>((kind - 1) % 5)) {
+  void predicted(const BlockRun& run) noexcept {
+    switch (static_cast<Prediction>((run.kind - 1) % 5)) {
       case Prediction::kCopy:
-        return pixels<V, Prediction::kCopy>(x);
+        return pixels<V, Prediction::kCopy>(run);
       case Prediction::kTime:
-        return pixels<V, Prediction::kTime>(x);
+        return pixels<V, Prediction::kTime>(run);
       case Prediction::kPlane:
-        return pixels<V, Prediction::kPlane>(x);
+        return pixels<V, Prediction::kPlane>(run);
       case Prediction::kEdge:
-        return pixels<V, Prediction::kEdge>(x);
+        return pixels<V, Prediction::kEdge>(run);
       case Prediction::kMean:
-        return pixels<V, Prediction::kMean>(x);
+        return pixels<V, Prediction::kMean>(run);
     }
   }
 
-  void empty(int x) noexcept {
-    for (int i = x; i < x + kBlock; ++i) {
+  void empty(int x0, int x1) noexcept {
+    for (int i = x0; i < x1; ++i) {
       points_[at_ + i] = 0;
       set(i, 0, 0);
     }
   }
-  void same(int x) noexcept {
-    for (int i = x; i < x + kBlock; ++i) set(i, points_[at_ + i], 0);
+  // Most blocks of a camera at rest, and most of these have every reading: eight pixels at a time.
+  void same(int x0, int x1) noexcept {
+    const std::uint16_t* const row = points_ + at_;
+    for (int x = x0; x < x1; x += kBlock) {
+      if (any_zero(row + x)) {
+        for (int i = x; i < x + kBlock; ++i) set(i, row[i], 0);
+        continue;
+      }
+      std::memcpy(r_.now + x, row + x, kBlock * sizeof *row);
+      std::fill_n(r_.there + x, kBlock, std::uint16_t{1});
+      std::fill_n(r_.size + x, kBlock, std::uint16_t{0});
+    }
+  }
+  [[nodiscard]] static bool any_zero(const std::uint16_t* eight) noexcept {
+    constexpr std::uint64_t kOnes = 0x0001000100010001U, kTops = kOnes << 15U;
+    std::array<std::uint64_t, 2> w{};
+    std::memcpy(w.data(), eight, sizeof w);
+    // The lowest part that is zero borrows and sets its top bit; above one that is not, no part
+    // has lent anything.
+    return ((((w[0] - kOnes) & ~w[0]) | ((w[1] - kOnes) & ~w[1])) & kTops) != 0;
   }
   void set(int x, int value, int size) noexcept {
-    r_.now[x] = value != 0 ? value : r_.now[x - 1];
+    r_.now[x] = value != 0 ? static_cast<std::uint16_t>(value) : r_.now[x - 1];
     r_.there[x] = static_cast<std::uint16_t>(value != 0);
     r_.size[x] = static_cast<std::uint16_t>(size);
   }
@@ -242,10 +281,12 @@ class Walk {
   };
 
   template <Validity V, Prediction P>
-  void pixels(int x0) noexcept {
-    const std::int32_t* const now = r_.now + x0;
-    Left left{now[-1], now[-2], now[-3], r_.size[x0 - 1]};
-    for (int x = x0; x < x0 + kBlock; ++x) {
+  void pixels(const BlockRun& run) noexcept {
+    constexpr bool kLinear = P == Prediction::kPlane || P == Prediction::kMean;
+    if constexpr (kLinear) r_.predict_rows(run.x0, run.x1);
+    const std::uint16_t* const now = r_.now + run.x0;
+    Left left{now[-1], now[-2], now[-3], r_.size[run.x0 - 1]};
+    for (int x = run.x0; x < run.x1; ++x) {
       const int before = points_[at_ + x];
       bool valid = true;
       if constexpr (V == Validity::kAsBefore) valid = before != 0;
@@ -258,8 +299,7 @@ class Walk {
       }
       const Coded c = pixel<P>(x, before, left);
       left = {c.value, left.w, left.ww, c.size};
-      points_[at_ + x] = static_cast<std::uint16_t>(c.value);
-      r_.now[x] = c.value;
+      points_[at_ + x] = r_.now[x] = static_cast<std::uint16_t>(c.value);
       r_.there[x] = 1;
       r_.size[x] = static_cast<std::uint16_t>(c.size);
     }
@@ -284,7 +324,8 @@ class Walk {
       return io_.spatial(kAloneContext, at_ + x, edge(x, left));
     } else if constexpr (P == Prediction::kTime) {
       if (before == 0) return io_.spatial(kAloneContext, at_ + x, edge(x, left));
-      return io_.temporal(kTimeContext + size_context(x, left), at_ + x, before, edge(x, left));
+      return io_.temporal(kTimeContext + size_context(x, left), at_ + x, before,
+                          [&] { return edge(x, left); });
     } else {
       int prediction = 0;
       if (P == Prediction::kEdge || first_) {
@@ -304,7 +345,7 @@ class Walk {
   std::uint16_t* points_;
   const std::uint8_t* history_;
   int at_ = 0;  // index of the row's first pixel
-  bool first_ = false, linear_ = false;
+  bool first_ = false;
 };
 
 }  // namespace drivers::codec
