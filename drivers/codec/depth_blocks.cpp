@@ -27,8 +27,9 @@ constexpr std::array<std::uint16_t, kCosts> kCost = [] {
   }
   return t;
 }();
-constexpr int kFewNew = 16;          // pixels that may be predicted alone beside copies
-constexpr std::uint32_t kStays = 3;  // of a pixel that is not due, sixteenths of a bit
+constexpr std::uint32_t kAlone = kCost[12];  // of a pixel without what it is predicted from
+constexpr int kFewNew = 16;                  // pixels that may be predicted alone beside copies
+constexpr std::uint32_t kStays = 3;          // of a pixel that is not due, sixteenths of a bit
 
 constexpr std::size_t kMostPoints =
     kCosts / 4 * static_cast<std::size_t>(kDepthStepEighths.back()) + 1;
@@ -47,6 +48,38 @@ TELETACT_CODEC_CLONES void count_row(const Columns c, const std::uint16_t* readi
     c.kept[x] = static_cast<std::uint16_t>(c.kept[x] + (now == then ? 1U : 0U));
     c.both[x] = static_cast<std::uint16_t>(c.both[x] + (now & then));
     c.due[x] = static_cast<std::uint16_t>(c.due[x] + (now & then & due[x]));
+  }
+}
+
+bool all_there(const std::uint16_t* points, int count) noexcept {
+  bool all = true;
+  for (int i = 0; i < count; ++i) all &= points[i] != 0;
+  return all;
+}
+
+// How far off each prediction in space is, of a row of a block; points.
+constexpr std::array kSpatial{Prediction::kPlane, Prediction::kEdge, Prediction::kMean};
+using SpatialOffs = std::array<std::array<std::uint16_t, kBlock>, kSpatial.size()>;
+
+// Reads three pixels to the left and two to the right. What lies there at an image's border is of
+// another row, and what comes of it is not used.
+TELETACT_CODEC_CLONES void measure(const std::uint16_t* v, const std::uint16_t* up,
+                                   const std::uint16_t* up2, std::uint16_t* off_plane,
+                                   std::uint16_t* off_edge, std::uint16_t* off_mean) noexcept {
+  const auto capped = [](int d) {
+    return static_cast<std::uint16_t>(std::min(std::abs(d), static_cast<int>(kMostPoints) - 1));
+  };
+#pragma GCC ivdep
+  for (int k = 0; k < kBlock; ++k) {
+    const std::uint16_t *w = v + k, *n = up + k, *nn = up2 + k;
+    const int near = n[-2] + n[-1] + n[0] + n[1] + n[2];
+    const int far = nn[-2] + nn[-1] + nn[0] + nn[1] + nn[2];
+    const int slope = 2 * (n[2] - n[-2] + nn[2] - nn[-2]) + n[1] - n[-1] + nn[1] - nn[-1];
+    const int plane = 4 * (2 * near - far + slope) + 19 * w[-1] + 14 * w[-2] + 11 * w[-3];
+    const int mean = 3 * w[-1] + w[-2] + 2 * n[0] + n[1] + n[-1];
+    off_plane[k] = capped(*w - ((plane + 32) >> 6));
+    off_edge[k] = capped(*w - edge_prediction(w[-1], n[0], n[-1]));
+    off_mean[k] = capped(*w - ((mean + 4) >> 3));
   }
 }
 
@@ -75,54 +108,59 @@ void BlockChoice::price(int step) noexcept {
   }
 }
 
-Prediction BlockChoice::cheapest(const StripeShape& shape, const StripePlan& plan,
-                                 const std::uint16_t* points, int x0, int y0) const noexcept {
-  const int w = shape.width;
-  std::array<std::uint32_t, 5> cost{};
-  const auto add = [&](Prediction p, int d) {
-    const auto points_off = static_cast<std::size_t>(std::abs(d));
-    cost[static_cast<std::size_t>(p)] += cost_[std::min(points_off, kMostPoints - 1)];
-  };
-  bool any = false;
-  for (const int y : {y0 + 3, y0 + 6}) {
-    for (int x = x0; x < x0 + kBlock; ++x) {
-      const int i = y * w + x;
-      const std::uint16_t* v = plan.target + i;
-      if (*v == 0) continue;
-      if (points[i] == 0) {
-        cost[static_cast<std::size_t>(Prediction::kTime)] += kCost[12];
-      } else if (plan.due[i] != 0) {
-        add(Prediction::kTime, *v - points[i]);
-      } else {
-        cost[static_cast<std::size_t>(Prediction::kTime)] += kStays;
-      }
-      const std::uint16_t* const up = v - w;
-      if (x < 3 || x + 2 >= w || v[-1] == 0 || v[-2] == 0 || v[-3] == 0 || up[-1] == 0 ||
-          up[0] == 0 || up[1] == 0 || up[2] == 0) {
-        for (const auto p : {Prediction::kPlane, Prediction::kEdge, Prediction::kMean})
-          cost[static_cast<std::size_t>(p)] += kCost[12];
-        continue;
-      }
-      any = true;
-      add(Prediction::kEdge, *v - edge_prediction(v[-1], up[0], up[-1]));
-      add(Prediction::kMean, *v - ((3 * v[-1] + v[-2] + 2 * up[0] + up[1] + up[-1] + 4) >> 3));
-      if (y >= 2 && x >= 2) {
-        const std::uint16_t* const n = up - w;
-        const int near = up[-2] + up[-1] + up[0] + up[1] + up[2];
-        const int far = n[-2] + n[-1] + n[0] + n[1] + n[2];
-        const int slope = 2 * (up[2] - up[-2] + n[2] - n[-2]) + up[1] - up[-1] + n[1] - n[-1];
-        const int plane = 4 * (2 * near - far + slope) + 19 * v[-1] + 14 * v[-2] + 11 * v[-3];
-        add(Prediction::kPlane, *v - ((plane + 32) >> 6));
-      } else {
-        add(Prediction::kPlane, *v - edge_prediction(v[-1], up[0], up[-1]));
-      }
+void BlockChoice::price_time(const StripePlan& plan, const std::uint16_t* points, int at,
+                             Costs& cost) const noexcept {
+  std::uint32_t& time = cost[static_cast<std::size_t>(Prediction::kTime)];
+  for (int i = at; i < at + kBlock; ++i) {
+    if (plan.target[i] == 0) continue;
+    if (points[i] == 0) {
+      time += kAlone;
+    } else {
+      const auto off = static_cast<std::size_t>(std::abs(plan.target[i] - points[i]));
+      time += plan.due[i] != 0 ? cost_[std::min(off, kMostPoints - 1)] : kStays;
     }
   }
-  const auto at = [&](Prediction p) { return cost[static_cast<std::size_t>(p)]; };
+}
+
+bool BlockChoice::price_space(const std::uint16_t* target, int width, int x0, int at,
+                              Costs& cost) const noexcept {
+  const std::uint16_t *const v = target + at, *const up = v - width;
+  // Pixels that lack a neighbour: their predictions cost the same.
+  const auto lacks = [&](int i) {
+    return x0 + i < 3 || x0 + i + 2 >= width || v[i - 1] == 0 || v[i - 2] == 0 || v[i - 3] == 0 ||
+           up[i - 1] == 0 || up[i] == 0 || up[i + 1] == 0 || up[i + 2] == 0;
+  };
+  const bool inside = x0 >= 3 && x0 + kBlock + 1 < width;
+  const bool all = inside && all_there(v - 3, kBlock + 3) && all_there(up - 1, kBlock + 3);
+  SpatialOffs off;
+  measure(v, up, up - width, off[0].data(), off[1].data(), off[2].data());
+  bool any = all;
+  for (int i = 0; i < kBlock; ++i) {
+    if (!all && v[i] == 0) continue;
+    const bool alone = !all && lacks(i);
+    any |= !alone;
+    const auto k = static_cast<std::size_t>(i);
+    for (std::size_t p = 0; p < kSpatial.size(); ++p) {
+      cost[static_cast<std::size_t>(kSpatial[p])] += alone ? kAlone : cost_[off[p][k]];
+    }
+  }
+  return any;
+}
+
+Prediction BlockChoice::cheapest(const StripeShape& shape, const StripePlan& plan,
+                                 const std::uint16_t* points, int x0, int y0) const noexcept {
+  Costs cost{};
+  bool any = false;
+  for (const int y : {y0 + 3, y0 + 6}) {
+    const int at = y * shape.width + x0;
+    price_time(plan, points, at, cost);
+    any |= price_space(plan.target, shape.width, x0, at, cost);
+  }
+  const auto of = [&](Prediction p) { return cost[static_cast<std::size_t>(p)]; };
   Prediction best = Prediction::kEdge;
-  if (any && at(Prediction::kPlane) < at(best)) best = Prediction::kPlane;
-  if (any && at(Prediction::kMean) < at(best)) best = Prediction::kMean;
-  return at(Prediction::kTime) <= at(best) ? Prediction::kTime : best;
+  if (any && of(Prediction::kPlane) < of(best)) best = Prediction::kPlane;
+  if (any && of(Prediction::kMean) < of(best)) best = Prediction::kMean;
+  return of(Prediction::kTime) <= of(best) ? Prediction::kTime : best;
 }
 
 std::uint32_t BlockChoice::choose(const StripeShape& shape, int step, const StripePlan& plan,

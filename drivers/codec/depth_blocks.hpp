@@ -4,6 +4,7 @@
 // are not known yet; bits of a residual of r steps are taken as 0.5 + 2 log2(1 + r).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -23,6 +24,13 @@ class BlockChoice {
  private:
   [[nodiscard]] Prediction cheapest(const StripeShape& shape, const StripePlan& plan,
                                     const std::uint16_t* points, int x0, int y0) const noexcept;
+  // Of a row of a block, from pixel `at` of the stripe on: what each prediction would cost.
+  using Costs = std::array<std::uint32_t, 5>;
+  void price_time(const StripePlan& plan, const std::uint16_t* points, int at,
+                  Costs& cost) const noexcept;
+  // False: no pixel has all that it would be predicted from.
+  [[nodiscard]] bool price_space(const std::uint16_t* target, int width, int x0, int at,
+                                 Costs& cost) const noexcept;
   void price(int step) noexcept;
   int step_ = 0;                     // that cost_ is for
   std::vector<std::uint16_t> cost_;  // of a residual of so many points

@@ -37,6 +37,7 @@ class StripeEncoder::Io {
   }
   [[nodiscard]] Coded spatial(int context, int pixel, int prediction) noexcept {
     const int d = plan_.target[pixel] - prediction;
+    // Without a jump: noise decides.
     return write(context, prediction, std::abs(d) <= plan_.dead_zone ? 0 : steps(d));
   }
   template <class Prediction>

@@ -90,18 +90,15 @@ class WalkRows {
         values_(3 * length_),
         linear_(2 * static_cast<std::size_t>(width)),
         sizes_(2 * length_),
-        there_(2 * length_),
         kinds_(2 * (static_cast<std::size_t>(width) / kBlock + 1)),
         runs_(static_cast<std::size_t>(width) / kBlock) {}
 
   void begin() noexcept {
     std::fill(values_.begin(), values_.end(), std::uint16_t{0});
     std::fill(sizes_.begin(), sizes_.end(), std::uint16_t{0});
-    std::fill(there_.begin(), there_.end(), std::uint16_t{0});
     std::fill(kinds_.begin(), kinds_.end(), static_cast<std::uint8_t>(kSameBlock));
     now = values_.data() + kMargin, up = now + length_, up2 = up + length_;
     size = sizes_.data() + kMargin, size_up = size + length_;
-    there = there_.data() + kMargin, there_up = there + length_;
     plane = linear_.data(), mean = plane + linear_.size() / 2;
     kinds = kinds_.data() + 1, kinds_up = kinds + kinds_.size() / 2;
   }
@@ -114,7 +111,6 @@ class WalkRows {
     std::uint16_t* const old = up2;
     up2 = up, up = now, now = old;
     std::swap(size, size_up);
-    std::swap(there, there_up);
   }
   // From `kinds`, of so many blocks.
   void find_runs(int blocks) noexcept {
@@ -127,32 +123,20 @@ class WalkRows {
   [[nodiscard]] std::span<const BlockRun> runs() const noexcept {
     return {runs_.data(), run_count_};
   }
-  // The part of the linear predictions that lies in the rows above. Of the plane, in 64ths: the
-  // row above has weights 8 + 4 dx, the one above it -4 + 4 dx, and the row itself 19, 14, 11: the
-  // least-squares plane of these neighbours, rounded to what still reproduces any plane exactly.
-  void predict_rows(int x0, int x1) noexcept {
-    for (int x = x0; x < x1; ++x) {
-      const std::uint16_t *n = up + x, *nn = up2 + x;
-      const std::int32_t near = n[-2] + n[-1] + n[0] + n[1] + n[2];
-      const std::int32_t far = nn[-2] + nn[-1] + nn[0] + nn[1] + nn[2];
-      const std::int32_t slope =
-          2 * (n[2] - n[-2] + nn[2] - nn[-2]) + n[1] - n[-1] + nn[1] - nn[-1];
-      plane[x] = 4 * (2 * near - far + slope);
-      mean[x] = 2 * n[0] + n[1] + n[-1];
-    }
-  }
+  // Leaves in plane and mean the part of these predictions that lies in the rows above.
+  void predict_rows(int x0, int x1) noexcept;
 
   std::int32_t *plane = nullptr, *mean = nullptr;
   // Not bytes: a byte may be a part of anything, and the compiler would read all again after each.
   std::uint16_t *now = nullptr, *up = nullptr, *up2 = nullptr;
-  std::uint16_t *size = nullptr, *size_up = nullptr, *there = nullptr, *there_up = nullptr;
+  std::uint16_t *size = nullptr, *size_up = nullptr;
   std::uint8_t *kinds = nullptr, *kinds_up = nullptr;
 
  private:
   std::size_t length_;
   std::vector<std::uint16_t> values_;
   std::vector<std::int32_t> linear_;
-  std::vector<std::uint16_t> sizes_, there_;
+  std::vector<std::uint16_t> sizes_;
   std::vector<std::uint8_t> kinds_;
   std::vector<BlockRun> runs_;
   std::size_t run_count_ = 0;
@@ -255,7 +239,6 @@ class Walk {
         continue;
       }
       std::memcpy(r_.now + x, row + x, kBlock * sizeof *row);
-      std::fill_n(r_.there + x, kBlock, std::uint16_t{1});
       std::fill_n(r_.size + x, kBlock, std::uint16_t{0});
     }
   }
@@ -269,7 +252,6 @@ class Walk {
   }
   void set(int x, int value, int size) noexcept {
     r_.now[x] = value != 0 ? static_cast<std::uint16_t>(value) : r_.now[x - 1];
-    r_.there[x] = static_cast<std::uint16_t>(value != 0);
     r_.size[x] = static_cast<std::uint16_t>(size);
   }
 
@@ -300,14 +282,20 @@ class Walk {
       const Coded c = pixel<P>(x, before, left);
       left = {c.value, left.w, left.ww, c.size};
       points_[at_ + x] = r_.now[x] = static_cast<std::uint16_t>(c.value);
-      r_.there[x] = 1;
       r_.size[x] = static_cast<std::uint16_t>(c.size);
     }
   }
 
+  // What lies outside of the stripe has no reading.
   [[nodiscard]] int validity_context(int x) const noexcept {
-    return r_.there[x - 1] | r_.there_up[x] << 1 | r_.there_up[x + 1] << 2 |
-           r_.there_up[x - 1] << 3 | (history_[at_ + x] & 3) << 4;
+    const std::uint16_t* const at = points_ + at_ + x;
+    const int w = shape_.width;
+    int there = x > 0 && at[-1] != 0 ? 1 : 0;
+    if (!first_) {
+      there |= (at[-w] != 0 ? 2 : 0) | (x + 1 < w && at[1 - w] != 0 ? 4 : 0) |
+               (x > 0 && at[-1 - w] != 0 ? 8 : 0);
+    }
+    return there | (history_[at_ + x] & 3) << 4;
   }
   [[nodiscard]] int size_context(int x, const Left& left) const noexcept {
     return kSizeOf[static_cast<std::size_t>(2 * left.size + 2 * r_.size_up[x] + r_.size_up[x - 1] +
