@@ -71,15 +71,11 @@ TELETACT_CODEC_CLONES void measure(const std::uint16_t* v, const std::uint16_t* 
   };
 #pragma GCC ivdep
   for (int k = 0; k < kBlock; ++k) {
-    const std::uint16_t *w = v + k, *n = up + k, *nn = up2 + k;
-    const int near = n[-2] + n[-1] + n[0] + n[1] + n[2];
-    const int far = nn[-2] + nn[-1] + nn[0] + nn[1] + nn[2];
-    const int slope = 2 * (n[2] - n[-2] + nn[2] - nn[-2]) + n[1] - n[-1] + nn[1] - nn[-1];
-    const int plane = 4 * (2 * near - far + slope) + 19 * w[-1] + 14 * w[-2] + 11 * w[-3];
-    const int mean = 3 * w[-1] + w[-2] + 2 * n[0] + n[1] + n[-1];
-    off_plane[k] = capped(*w - ((plane + 32) >> 6));
+    const std::uint16_t *w = v + k, *n = up + k;
+    const RowsAbove above = rows_above(n, up2 + k);
+    off_plane[k] = capped(*w - plane_prediction(above.plane, w[-1], w[-2], w[-3]));
     off_edge[k] = capped(*w - edge_prediction(w[-1], n[0], n[-1]));
-    off_mean[k] = capped(*w - ((mean + 4) >> 3));
+    off_mean[k] = capped(*w - mean_prediction(above.mean, w[-1], w[-2]));
   }
 }
 

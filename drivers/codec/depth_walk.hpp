@@ -147,6 +147,28 @@ class WalkRows {
   return std::max(std::min(w, n), std::min(std::max(w, n), w + n - nw));
 }
 
+// The part of the linear predictions that lies in the rows above, `up` and `up2` of the pixel. Of
+// the plane, in 64ths: the row above has weights 8 + 4 dx, the one above it -4 + 4 dx, and the row
+// itself 19, 14, 11: the least-squares plane of these neighbours, rounded to what still reproduces
+// any plane exactly.
+struct RowsAbove {
+  int plane, mean;
+};
+[[nodiscard]] inline RowsAbove rows_above(const std::uint16_t* up,
+                                          const std::uint16_t* up2) noexcept {
+  const int near = up[-2] + up[-1] + up[0] + up[1] + up[2];
+  const int far = up2[-2] + up2[-1] + up2[0] + up2[1] + up2[2];
+  const int slope = 2 * (up[2] - up[-2] + up2[2] - up2[-2]) + up[1] - up[-1] + up2[1] - up2[-1];
+  return {4 * (2 * near - far + slope), 2 * up[0] + up[1] + up[-1]};
+}
+// With the row itself: the three values to the left.
+[[nodiscard]] inline int plane_prediction(int above, int w, int ww, int www) noexcept {
+  return (above + 14 * ww + 11 * www + 32 + 19 * w) >> 6;
+}
+[[nodiscard]] inline int mean_prediction(int above, int w, int ww) noexcept {
+  return (above + ww + 4 + 3 * w) >> 3;
+}
+
 template <class Io>
 class Walk {
  public:
@@ -319,9 +341,9 @@ class Walk {
       if (P == Prediction::kEdge || first_) {
         prediction = edge(x, left);
       } else if (P == Prediction::kPlane) {
-        prediction = (r_.plane[x] + 14 * left.ww + 11 * left.www + 32 + 19 * left.w) >> 6;
+        prediction = plane_prediction(r_.plane[x], left.w, left.ww, left.www);
       } else {
-        prediction = (r_.mean[x] + left.ww + 4 + 3 * left.w) >> 3;
+        prediction = mean_prediction(r_.mean[x], left.w, left.ww);
       }
       return io_.spatial(kSpaceContext + size_context(x, left), at_ + x, prediction);
     }
