@@ -210,7 +210,8 @@ class Walk {
     return true;
   }
 
-  void row(int y) noexcept {
+  // All of it in one function: a call for each pixel costs a tenth of the time.
+  __attribute__((flatten)) void row(int y) noexcept {
     r_.begin_row();
     first_ = y == 0;
     at_ = y * shape_.width;
