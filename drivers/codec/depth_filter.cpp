@@ -9,7 +9,8 @@ namespace drivers::codec {
 
 namespace {
 
-constexpr int kMostDebt = 2047;
+constexpr int kMostDebt = 2047;  // points
+
 // Blocks take turns: neighbours at different times.
 unsigned turn(int bx, int by) noexcept {
   return static_cast<unsigned>(5 * bx + 3 * by + (bx >> 2) + 7 * (by >> 2));

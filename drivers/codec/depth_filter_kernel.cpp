@@ -2,6 +2,7 @@
 
 #include <array>
 
+// The same targets as perception/simd/targets.hpp: highway's choice is one for the program.
 #ifndef HWY_DISABLED_TARGETS
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 #endif

@@ -16,9 +16,9 @@ class StripeDecoder::Io {
     bad_ |= s == kSwitch;
     return value(s, prediction);
   }
-  template <class Prediction>
+  template <class InSpace>
   [[nodiscard]] Coded temporal(int context, int pixel, int before,
-                               const Prediction& in_space) noexcept {
+                               const InSpace& in_space) noexcept {
     const unsigned s = rans_.get(table(context));
     if (s == kSwitch) return spatial(kAloneContext, pixel, in_space());
     return value(s, before);

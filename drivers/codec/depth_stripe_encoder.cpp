@@ -37,12 +37,11 @@ class StripeEncoder::Io {
   }
   [[nodiscard]] Coded spatial(int context, int pixel, int prediction) noexcept {
     const int d = plan_.target[pixel] - prediction;
-    // Without a jump: noise decides.
     return write(context, prediction, std::abs(d) <= plan_.dead_zone ? 0 : steps(d));
   }
-  template <class Prediction>
+  template <class InSpace>
   [[nodiscard]] Coded temporal(int context, int pixel, int before,
-                               const Prediction& in_space) noexcept {
+                               const InSpace& in_space) noexcept {
     const int r = plan_.due[pixel] != 0 ? steps(plan_.target[pixel] - before) : 0;
     if (fold(r) >= kSwitchFrom) {
       const int prediction = in_space();

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "drivers/codec/depth_filter.hpp"
+#include "drivers/codec/depth_lattice.hpp"
 #include "perception/simd/isa.hpp"
 #include "rt/random.hpp"
 
@@ -206,6 +207,16 @@ TEST(DepthFilter, EveryPixelFollowsTheRulesOnEveryInstructionSet) {
     }
   }
   ASSERT_TRUE(perception::simd::choose("auto"));
+}
+
+// What the filter's 16 bits rest on.
+TEST(DepthFilter, PointsOfBothLawsFitFifteenBits) {
+  rt::Startup set_up;
+  for (const auto law : {drivers::DepthNoiseLaw::kStrict, drivers::DepthNoiseLaw::kLenient}) {
+    const drivers::codec::DepthLattice lattice(set_up.token(), law);
+    EXPECT_LE(lattice.points(), 1 << 15);
+    EXPECT_EQ(lattice.to_point(65535), lattice.points() - 1);
+  }
 }
 
 }  // namespace
