@@ -12,9 +12,7 @@ class WorkspaceMap {
  public:
   WorkspaceMap() = default;
   WorkspaceMap(const perception::Vec3& p_WD, double scale, double yaw_rad)
-      : p_WD_(p_WD),
-        scale_(scale),
-        R_WD_(Eigen::AngleAxisd(yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix()) {}
+      : p_WD_(p_WD), scale_(scale), R_WD_(perception::rotation_about_z(yaw_rad)) {}
 
   [[nodiscard]] perception::Vec3 to_world(const perception::Vec3& p_DH) const noexcept {
     return p_WD_ + R_WD_ * (scale_ * p_DH);

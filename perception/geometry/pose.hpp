@@ -12,22 +12,12 @@ using Mat3 = Eigen::Matrix3d;
 using Pose = Eigen::Isometry3d;
 
 // Nearest rotation; call once a frame so that products of poses stay rigid.
-[[nodiscard]] inline Pose orthonormalised(const Pose& X) {
-  Pose out = X;
-  out.linear() = Eigen::Quaterniond(X.linear()).normalized().toRotationMatrix();
-  return out;
-}
+[[nodiscard]] Pose orthonormalised(const Pose& X);
 
 // exp of a twist (v, w): translation first, rotation vector second, both in the target frame.
-[[nodiscard]] inline Pose exp_se3(const Eigen::Matrix<double, 6, 1>& xi) {
-  const Vec3 w = xi.tail<3>();
-  const double angle = w.norm();
-  Pose X = Pose::Identity();
-  if (angle > 1e-12) X.linear() = Eigen::AngleAxisd(angle, w / angle).toRotationMatrix();
-  X.translation() = xi.head<3>();
-  return X;
-}
+[[nodiscard]] Pose exp_se3(const Eigen::Matrix<double, 6, 1>& xi);
 
-[[nodiscard]] inline double rotation_angle(const Mat3& R) { return Eigen::AngleAxisd(R).angle(); }
+[[nodiscard]] double rotation_angle(const Mat3& R);
+[[nodiscard]] Mat3 rotation_about_z(double yaw_rad) noexcept;
 
 }  // namespace perception

@@ -173,6 +173,18 @@ Readings readings_of(const FrameView& f, ImageView<const std::uint8_t> mask, con
 
 }  // namespace
 
+bool GivenObject::contains(const Vec3& at_W) const noexcept {
+  for (const Box& box_W : boxes())
+    if (box_W.contains(at_W)) return true;
+  return false;
+}
+
+Eigen::AlignedBox3d GivenObject::bounds() const noexcept {
+  Box all;
+  for (const Box& box_W : boxes()) all.extend(box_W);
+  return all;
+}
+
 GivenObject boxes_of(const FrameView& frame, ImageView<const std::uint8_t> mask, const Pose& X_WC,
                      const Click& at) {
   GivenObject out;

@@ -22,16 +22,8 @@ struct GivenObject {
   [[nodiscard]] std::span<const Eigen::AlignedBox3d> boxes() const noexcept {
     return {boxes_W.data(), static_cast<std::size_t>(count)};
   }
-  [[nodiscard]] bool contains(const Vec3& at_W) const noexcept {
-    for (const Eigen::AlignedBox3d& box_W : boxes())
-      if (box_W.contains(at_W)) return true;
-    return false;
-  }
-  [[nodiscard]] Eigen::AlignedBox3d bounds() const noexcept {
-    Eigen::AlignedBox3d all;
-    for (const Eigen::AlignedBox3d& box_W : boxes()) all.extend(box_W);
-    return all;
-  }
+  [[nodiscard]] bool contains(const Vec3& at_W) const noexcept;
+  [[nodiscard]] Eigen::AlignedBox3d bounds() const noexcept;
 };
 
 // Of the readings where `mask` is not 0, seen from X_WC. `at`: a pixel of the mask. The boxes fit

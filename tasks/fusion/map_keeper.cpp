@@ -101,6 +101,8 @@ bool MapKeeper::clearable(const Eigen::AlignedBox3d& box_W) noexcept {
          box_W.sizes().maxCoeff() <= kLongestClear_m;
 }
 
+bool MapKeeper::clearing() const noexcept { return !to_clear_W_.isEmpty(); }
+
 void MapKeeper::clear(const Eigen::AlignedBox3d& box_W) noexcept {
   if (clearable(box_W)) to_clear_W_ = box_W;
 }

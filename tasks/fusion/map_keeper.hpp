@@ -61,7 +61,7 @@ class MapKeeper {
   // clearable.
   void clear(const Eigen::AlignedBox3d& box_W) noexcept;
   // Some of the last region is still to be cleared: the next one is to wait.
-  [[nodiscard]] bool clearing() const noexcept { return !to_clear_W_.isEmpty(); }
+  [[nodiscard]] bool clearing() const noexcept;
   // Clears the next slab.
   void clear_some(FusionOut& out) noexcept;
 

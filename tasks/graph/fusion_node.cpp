@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "perception/geometry/pose.hpp"
 #include "rt/effect_count.hpp"
 #include "tasks/edges/output_hash.hpp"
 #include "tasks/graph/node_parts.hpp"
@@ -109,7 +110,7 @@ void FusionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (limits_.of<EdgeId::kRobotState>().within(robot, tick.start) && odometry_prior_) {
     OdometryPrior prior;
     prior.taken = robot->taken;
-    prior.X_OB.linear() = Eigen::AngleAxisd(robot->yaw_rad, Vec3::UnitZ()).toRotationMatrix();
+    prior.X_OB.linear() = perception::rotation_about_z(robot->yaw_rad);
     prior.X_OB.translation() = Vec3(robot->x_m, robot->y_m, 0);
     prior.v_OB_B = Vec3(robot->vx, robot->vy, 0);
     prior.w_OB_B = Vec3(0, 0, robot->wz);

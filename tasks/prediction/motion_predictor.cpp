@@ -87,6 +87,26 @@ const std::vector<std::string>& MotionPredictorConfig::methods() {
   return names;
 }
 
+void MotionPredictorConfig::describe(config::Section& s) {
+  s.number("window_s", window_s, 0.5, 30, "length of the training data");
+  s.number("spacing_s", spacing_s, 0.02, 1, "between training instants");
+  s.number("lag_1_s", lag_1_s, 0.02, 1, "first velocity difference");
+  s.number("lag_2_s", lag_2_s, 0.02, 2, "second velocity difference");
+  s.text("method", method, methods(), "how the velocity goes on");
+  s.number("prior_samples", prior_samples, 0.01, 1e6, "weight of the prior");
+  s.number("speed_scale_m_per_s", speed_scale_m_per_s, 0.001, 10, "ordinary change of speed");
+  s.number("yaw_rate_scale_rad_per_s", yaw_rate_scale_rad_per_s, 0.001, 10,
+           "ordinary change of turn rate");
+  s.integer("order", order, 1, 6, "paper, ridge: velocities that the next one is made from");
+  s.integer("training_samples", training_samples, 1, 40, "paper, ridge: rows of the fit");
+  s.number("acceleration_limit_m_per_s2", acceleration_limit_m_per_s2, 0.01, 100,
+           "bound of the learned correction");
+  s.number("yaw_acceleration_limit_rad_per_s2", yaw_acceleration_limit_rad_per_s2, 0.01, 100,
+           "bound of the learned correction");
+  s.number("response_time_s", response_time_s, 0.01, 5, "prior response to a command");
+  s.number("ridge", ridge, 0, 1e6, "ridge: weight of small coefficients");
+}
+
 MotionPredictor::MotionPredictor(const MotionPredictorConfig& config) {
   const std::string& m = config.method;
   if (m == "none") {

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "perception/geometry/pose.hpp"
 #include "tools/console/view_bytes.hpp"
 
 namespace teletact {
@@ -107,7 +108,7 @@ perception::Pose carried(const perception::Pose& X_WC, const perception::Pose2& 
   const perception::Pose2 step =
       perception::compose(perception::integrate(base_W, v_B, s), perception::inverse(base_W));
   perception::Pose moved = perception::Pose::Identity();
-  moved.linear() = Eigen::AngleAxisd(step.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  moved.linear() = perception::rotation_about_z(step.yaw);
   moved.translation() << step.x, step.y, 0;
   return moved * X_WC;
 }

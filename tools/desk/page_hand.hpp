@@ -30,6 +30,7 @@
 #include <optional>
 
 #include "drivers/haptic/haptic_device.hpp"
+#include "perception/geometry/pose.hpp"
 #include "rt/channel/latest.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 
@@ -125,7 +126,7 @@ class PageHand final : public drivers::HapticDevice {
   static constexpr rt::Nanos kPatience = std::chrono::seconds{1};
 
   [[nodiscard]] static perception::Mat3 turn(double yaw_rad) noexcept {
-    return Eigen::AngleAxisd(yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
+    return perception::rotation_about_z(yaw_rad);
   }
   // The same bits where nothing was ever asked for.
   [[nodiscard]] perception::Vec3 mapped(const perception::Vec3& p_D) const noexcept {

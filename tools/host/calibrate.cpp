@@ -11,6 +11,7 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "perception/geometry/pose.hpp"
 #include "rt/hash.hpp"
 #include "rt/quantile.hpp"
 #include "tools/files/build_info.hpp"
@@ -97,7 +98,7 @@ class CameraTruth {
       if (!poses_.empty() && t_s <= poses_.back().t_s) continue;
       perception::Pose X_WB = perception::Pose::Identity();
       X_WB.translation() = perception::Vec3(t.x_m, t.y_m, 0);
-      X_WB.linear() = Eigen::AngleAxisd(t.yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
+      X_WB.linear() = perception::rotation_about_z(t.yaw_rad);
       poses_.push_back({t_s, X_WB * scene.camera.true_X_BC()});
     }
   }

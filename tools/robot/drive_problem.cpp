@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "perception/geometry/pose.hpp"
+
 namespace teletact {
 
 using perception::Pose;
@@ -49,7 +51,7 @@ double huber(double length, double limit) {
 
 Pose pose_on_floor(const Pose2& p) {
   Pose X = Pose::Identity();
-  X.linear() = Eigen::AngleAxisd(p.yaw, Vec3::UnitZ()).toRotationMatrix();
+  X.linear() = perception::rotation_about_z(p.yaw);
   X.translation() = Vec3(p.x, p.y, 0);
   return X;
 }

@@ -7,6 +7,7 @@
 #include "drivers/camera/passing_camera.hpp"
 #include "drivers/ethercat/raw_port.hpp"
 #include "drivers/gpio/chip_lines.hpp"
+#include "perception/geometry/pose.hpp"
 #include "rt/clock/box_time.hpp"
 
 namespace teletact {
@@ -90,7 +91,7 @@ class RobotBox::BasePose final : public drivers::PoseSource {
   [[nodiscard]] perception::Pose X_WC_at(rt::Time t) noexcept override {
     drivers::PoseHistory::Sample s;
     if (bus_.history().at(t, s)) {
-      X_WB_.linear() = Eigen::AngleAxisd(s.X_WB.yaw, perception::Vec3::UnitZ()).toRotationMatrix();
+      X_WB_.linear() = perception::rotation_about_z(s.X_WB.yaw);
       X_WB_.translation() = perception::Vec3(s.X_WB.x, s.X_WB.y, 0);
     }
     return X_WB_ * X_BC_;

@@ -13,6 +13,7 @@
 #include <stdexcept>
 
 #include "drivers/youbot/motor_flags.hpp"
+#include "perception/geometry/pose.hpp"
 #include "perception/map_file/map_file.hpp"
 #include "tasks/graph/safe_times.hpp"
 #include "tools/files/build_info.hpp"
@@ -152,8 +153,7 @@ drivers::WorkspaceMap Scene::workspace() const {
 perception::Pose Scene::start_X_WB() const {
   perception::Pose X = perception::Pose::Identity();
   X.translation() = perception::Vec3(graph.robot_io.start_x_m, graph.robot_io.start_y_m, 0);
-  X.linear() =
-      Eigen::AngleAxisd(graph.robot_io.start_yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
+  X.linear() = perception::rotation_about_z(graph.robot_io.start_yaw_rad);
   return X;
 }
 
