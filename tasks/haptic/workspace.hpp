@@ -83,7 +83,9 @@ class Workspace {
   void forget_hand() noexcept { last_D_known_ = clutched_ = false; }
 
  private:
-  void turn(double yaw_rad) noexcept { R_WD_ = perception::rotation_about_z(yaw_rad); }
+  void turn(double yaw_rad) noexcept {
+    R_WD_ = Eigen::AngleAxisd(yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
+  }
 
   WorkspaceConfig config_;
   perception::Vec3 p_WD_ = perception::Vec3::Zero();
