@@ -17,7 +17,10 @@ using Pose = Eigen::Isometry3d;
 // exp of a twist (v, w): translation first, rotation vector second, both in the target frame.
 [[nodiscard]] Pose exp_se3(const Eigen::Matrix<double, 6, 1>& xi);
 
+// rad, 0 to pi: how far R turns.
 [[nodiscard]] double rotation_angle(const Mat3& R);
+
+// R_AB of a B that is turned to the left by yaw_rad, seen from above A (z up).
 [[nodiscard]] Mat3 rotation_about_z(double yaw_rad) noexcept;
 
 }  // namespace perception
