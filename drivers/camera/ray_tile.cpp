@@ -1,6 +1,8 @@
 #include "drivers/camera/ray_tile.hpp"
 
+#include <bit>
 #include <cmath>
+#include <cstring>
 
 namespace drivers {
 
@@ -154,12 +156,42 @@ void mix(RayTile& tile, const std::uint32_t* level, perception::Rgb c, std::int6
   }
 }
 
+TELETACT_CAMERA_CLONES
+bool meets(const RayTile& tile, std::int64_t id) noexcept {
+  std::int64_t any = 0;
+  for (int i = 0; i < kN; ++i) any |= tile.id[i] == id ? 1 : 0;
+  return any != 0;
+}
+
+TELETACT_CAMERA_CLONES
+void shift(double* pixel, double first, double step, const float* by, int n) noexcept {
+  for (int i = 0; i < n; ++i) pixel[i] = (first + step * i) + static_cast<double>(by[i]);
+}
+
+TELETACT_CAMERA_CLONES
+void depths(const double* t, const std::int64_t* id, float* depth_m, int n) noexcept {
+  for (int i = 0; i < n; ++i) depth_m[i] = id[i] >= 0 ? static_cast<float>(t[i]) : 0.0F;
+}
+
 }  // namespace
 
 void tile_begin(RayTile& tile, double max_t) noexcept {
   tile.t.fill(max_t);
   tile.id.fill(-1);
   tile.colour.fill(0);
+}
+
+void tile_pixels(RayTile& tile, int j, int u0, int v, int n, const float* du,
+                 const float* dv) noexcept {
+  double* x = tile.x.data() + static_cast<std::ptrdiff_t>(j) * RayTile::kWidth;
+  double* y = tile.y.data() + static_cast<std::ptrdiff_t>(j) * RayTile::kWidth;
+  if (du != nullptr) {
+    shift(x, u0, 1, du, n);
+    shift(y, v, 0, dv, n);
+  } else {
+    for (int i = 0; i < n; ++i) x[i] = u0 + i, y[i] = v;
+  }
+  for (int i = n; i < RayTile::kWidth; ++i) x[i] = x[n - 1], y[i] = y[n - 1];
 }
 
 TELETACT_CAMERA_CLONES
@@ -186,9 +218,7 @@ void tile_cast(RayTile& tile, const SeenShape& s) noexcept {
 }
 
 void tile_paint(RayTile& tile, const SeenShape& s) noexcept {
-  bool any = false;
-  for (const auto id : tile.id) any |= id == s.id;
-  if (!any) return;
+  if (!meets(tile, s.id)) return;
   const Linear x(s, 0), y(s, 1), z(s, 2);
   alignas(64) std::array<std::uint32_t, kN> level;
   switch (s.shape->paint.texture) {
@@ -203,6 +233,18 @@ void tile_paint(RayTile& tile, const SeenShape& s) noexcept {
       break;
   }
   mix(tile, level.data(), s.shape->paint.colour, s.id);
+}
+
+void tile_store(const RayTile& tile, int j, int n, float* depth_m,
+                perception::Rgb* colour) noexcept {
+  const std::ptrdiff_t from = static_cast<std::ptrdiff_t>(j) * RayTile::kWidth;
+  depths(tile.t.data() + from, tile.id.data() + from, depth_m, n);
+  const std::uint32_t* c = tile.colour.data() + from;
+  static_assert(sizeof(perception::Rgb) == 3 && std::endian::native == std::endian::little);
+  // Four bytes at once: the fourth is the next pixel's first, which is written after it.
+  auto* to = reinterpret_cast<std::uint8_t*>(colour);
+  for (int i = 0; i + 1 < n; ++i) std::memcpy(to + 3 * i, c + i, 4);
+  std::memcpy(to + 3 * (n - 1), c + n - 1, 3);
 }
 
 }  // namespace drivers

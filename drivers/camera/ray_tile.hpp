@@ -1,8 +1,8 @@
 // One tile of camera rays against one shape at a time: the inner loops of render().
 //
 // A ray is (x, y, 1) in the camera's frame, so its parameter t is the depth. Loops run over the
-// whole tile without branches; compiled once for the base instruction set and once for AVX2, with
-// the same bytes out of both (no fused multiply-add anywhere).
+// whole tile without branches; compiled once each for the base instruction set, AVX2 and
+// AVX-512, with the same bytes out of all (no fused multiply-add anywhere).
 #pragma once
 
 #include <array>
@@ -12,7 +12,8 @@
 
 // The resolver of a clone runs before a sanitizer's runtime is up.
 #if defined(__x86_64__) && !defined(__SANITIZE_THREAD__) && !defined(__SANITIZE_ADDRESS__)
-#define TELETACT_CAMERA_CLONES __attribute__((target_clones("default", "arch=x86-64-v3")))
+#define TELETACT_CAMERA_CLONES \
+  __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
 #else
 #define TELETACT_CAMERA_CLONES
 #endif
@@ -43,6 +44,10 @@ struct SeenShape {
 struct Lens {
   double fx, fy, cx, cy;  // px
 };
+// Row j of the tile's pixels: n of them from (u0, v) on, each shifted by its du, dv (null: none);
+// further ones repeat the last.
+void tile_pixels(RayTile& tile, int j, int u0, int v, int n, const float* du,
+                 const float* dv) noexcept;
 // The tile's x, y hold pixels, and hold directions afterwards.
 void tile_aim(RayTile& tile, const Lens& lens) noexcept;
 
@@ -50,5 +55,8 @@ void tile_begin(RayTile& tile, double max_t) noexcept;
 void tile_cast(RayTile& tile, const SeenShape& s) noexcept;
 // Colours the rays whose nearest entry is this shape's.
 void tile_paint(RayTile& tile, const SeenShape& s) noexcept;
+// The first n rays of row j: depth, 0 where they meet nothing, and colour.
+void tile_store(const RayTile& tile, int j, int n, float* depth_m,
+                perception::Rgb* colour) noexcept;
 
 }  // namespace drivers

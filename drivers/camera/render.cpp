@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
+#include "drivers/camera/row_kernels.hpp"
 #include "rt/effect_count.hpp"
-#include "rt/random.hpp"
 
 namespace drivers {
 
@@ -21,12 +22,9 @@ namespace {
 // One stream of random numbers per row and purpose, so that switching one effect on leaves the
 // numbers of the others as they were.
 enum class Purpose : std::uint64_t { kJitterU, kJitterV, kAxial, kFlying, kDropout };
-rt::Random row_stream(std::uint64_t seed, std::uint64_t seq, int v, Purpose purpose) noexcept {
-  return rt::Random(seed, rt::mix64(seq, static_cast<std::uint64_t>(v) * 8U +
-                                             static_cast<std::uint64_t>(purpose)));
-}
-std::uint32_t high_bits(rt::Random& rng) noexcept {
-  return static_cast<std::uint32_t>(rng() >> 32U);
+RowStream row_stream(std::uint64_t seed, std::uint64_t seq, int v, Purpose purpose) noexcept {
+  return {seed,
+          rt::mix64(seq, static_cast<std::uint64_t>(v) * 8U + static_cast<std::uint64_t>(purpose))};
 }
 
 struct TileBounds {
@@ -114,15 +112,14 @@ void look(std::span<const Shape> shapes, const World* moves, const Pose& X_WC, r
 void jitter_rows(const LateralJitter& jitter, std::uint64_t seed, std::uint64_t seq, int v0,
                  int rows, int width, RenderScratch& scratch) noexcept {
   const float sigma = static_cast<float>(jitter.sigma_px);
+  const auto draw = [&](int v, Purpose purpose, std::vector<float>& out) {
+    float* row = out.data() + static_cast<std::ptrdiff_t>(v) * width;
+    draw_normals(row_stream(seed, seq, v0 + v, purpose), jitter.normal, row, width);
+    for (int u = 0; u < width; ++u) row[u] *= sigma;
+  };
   for (int v = 0; v < rows; ++v) {
-    rt::Random ru = row_stream(seed, seq, v0 + v, Purpose::kJitterU);
-    rt::Random rv = row_stream(seed, seq, v0 + v, Purpose::kJitterV);
-    float* u_out = scratch.shift_u.data() + static_cast<std::ptrdiff_t>(v) * width;
-    float* v_out = scratch.shift_v.data() + static_cast<std::ptrdiff_t>(v) * width;
-    for (int u = 0; u < width; ++u) {
-      u_out[u] = sigma * jitter.normal(high_bits(ru));
-      v_out[u] = sigma * jitter.normal(high_bits(rv));
-    }
+    draw(v, Purpose::kJitterU, scratch.shift_u);
+    draw(v, Purpose::kJitterV, scratch.shift_v);
   }
 }
 
@@ -135,22 +132,38 @@ TileBounds aim(const Intrinsics& k, const TileAt& at, const RenderScratch& scrat
                double margin_px, RayTile& tile) noexcept {
   for (int j = 0; j < RayTile::kHeight; ++j) {
     const int dv = std::min(j, at.height - 1);
-    for (int i = 0; i < RayTile::kWidth; ++i) {
-      const int du = std::min(i, at.width - 1);
-      double u = at.u0 + du, v = at.v0 + dv;
-      if (jittered) {
-        const std::size_t n = static_cast<std::size_t>(dv * k.width + at.u0 + du);
-        u += static_cast<double>(scratch.shift_u[n]);
-        v += static_cast<double>(scratch.shift_v[n]);
-      }
-      const std::size_t n = static_cast<std::size_t>(j * RayTile::kWidth + i);
-      tile.x[n] = u;
-      tile.y[n] = v;
-    }
+    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(dv) * k.width + at.u0;
+    tile_pixels(tile, j, at.u0, at.v0 + dv, at.width,
+                jittered ? scratch.shift_u.data() + first : nullptr,
+                jittered ? scratch.shift_v.data() + first : nullptr);
   }
   tile_aim(tile, {k.fx, k.fy, k.cx, k.cy});
   return {(at.u0 - margin_px - k.cx) / k.fx, (at.u0 + at.width - 1 + margin_px - k.cx) / k.fx,
           (at.v0 - margin_px - k.cy) / k.fy, (at.v0 + at.height - 1 + margin_px - k.cy) / k.fy};
+}
+
+// 1/depth of a plane is linear in (x, y): within the tile it lies between those of the corners.
+struct Between {
+  double least, most;
+};
+Between inverse_depth(const SeenShape& plane, const TileBounds& b) noexcept {
+  const Vec3 n = plane.normal_C / -plane.origin_S.z();
+  const double x0 = n.x() * b.x0, x1 = n.x() * b.x1, y0 = n.y() * b.y0, y1 = n.y() * b.y1;
+  return {n.z() + std::min(x0, x1) + std::min(y0, y1), n.z() + std::max(x0, x1) + std::max(y0, y1)};
+}
+
+// Of planes that all rays of the tile meet behind another one, none is seen. In a room that leaves
+// one or two of its walls.
+void leave_hidden_planes(const TileBounds& b, std::vector<const SeenShape*>& in_tile) noexcept {
+  double nearest = 0;  // all rays meet a plane before this inverse depth; 0: there is none
+  const auto is_plane = [](const SeenShape& s) { return s.shape->kind == Shape::Kind::kPlane; };
+  for (const SeenShape* s : in_tile) {
+    if (is_plane(*s)) nearest = std::max(nearest, inverse_depth(*s, b).least);
+  }
+  constexpr double kRounding = 1e-9;
+  std::erase_if(in_tile, [&](const SeenShape* s) {
+    return is_plane(*s) && inverse_depth(*s, b).most < nearest * (1 - kRounding);
+  });
 }
 
 void cast_tile(const std::vector<SeenShape>& seen, const TileBounds& bounds, double max_t,
@@ -159,6 +172,7 @@ void cast_tile(const std::vector<SeenShape>& seen, const TileBounds& bounds, dou
   for (const SeenShape& s : seen) {
     if (may_see(s, bounds)) in_tile.push_back(&s);
   }
+  leave_hidden_planes(bounds, in_tile);
   tile_begin(tile, max_t);
   for (const SeenShape* s : in_tile) tile_cast(tile, *s);
   if (!colour) return;
@@ -168,49 +182,12 @@ void cast_tile(const std::vector<SeenShape>& seen, const TileBounds& bounds, dou
 void store(const RayTile& tile, const TileAt& at, int width, float* depth_m,
            perception::Rgb* colour, std::int16_t* shape) noexcept {
   for (int j = 0; j < at.height; ++j) {
-    const std::size_t from = static_cast<std::size_t>(j * RayTile::kWidth);
-    const std::size_t to = static_cast<std::size_t>((at.v0 + j) * width + at.u0);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(at.width); ++i) {
-      depth_m[to + i] = tile.id[from + i] >= 0 ? static_cast<float>(tile.t[from + i]) : 0.0F;
-      if (shape != nullptr) shape[to + i] = static_cast<std::int16_t>(tile.id[from + i]);
-      const std::uint32_t c = tile.colour[from + i];
-      colour[to + i] = {static_cast<std::uint8_t>(c), static_cast<std::uint8_t>(c >> 8U),
-                        static_cast<std::uint8_t>(c >> 16U)};
-    }
-  }
-}
-
-TELETACT_CAMERA_CLONES
-void invert(const float* depth, float* inverse, int n) noexcept {
-  for (int i = 0; i < n; ++i) {
-    const float d = depth[i];
-    const float safe = d > 0 ? d : 1.0F;
-    inverse[i] = d > 0 ? 1.0F / safe : 0.0F;
-  }
-}
-
-// mm of one row: readings outside the range become 0.
-TELETACT_CAMERA_CLONES
-void quantise(const float* z_m, std::uint16_t* out, int n, float lo, float hi) noexcept {
-  for (int i = 0; i < n; ++i) {
-    const float z = z_m[i];
-    const bool in = (z >= lo) & (z <= hi);
-    out[i] = static_cast<std::uint16_t>(static_cast<std::int32_t>(in ? z * 1000.0F + 0.5F : 0.0F));
-  }
-}
-
-// How far each pixel's 1/depth is off the plane through its neighbours: the larger of left-right
-// and up-down, without the one that lacks a neighbour. `up`, `down`: the rows beside; null at the
-// border.
-TELETACT_CAMERA_CLONES
-void steps(const float* row, const float* up, const float* down, float* out, int n) noexcept {
-  out[0] = out[n - 1] = 0;
-  for (int u = 1; u + 1 < n; ++u) out[u] = std::abs(row[u - 1] - 2 * row[u] + row[u + 1]);
-  if (up != nullptr && down != nullptr) {
-    for (int u = 0; u < n; ++u) {
-      const float across = std::abs(up[u] - 2 * row[u] + down[u]);
-      out[u] = out[u] < across ? across : out[u];
-    }
+    const std::ptrdiff_t to = static_cast<std::ptrdiff_t>(at.v0 + j) * width + at.u0;
+    tile_store(tile, j, at.width, depth_m + to, colour + to);
+    if (shape == nullptr) continue;
+    const auto from = static_cast<std::size_t>(j * RayTile::kWidth);
+    for (int i = 0; i < at.width; ++i)
+      shape[to + i] = static_cast<std::int16_t>(tile.id[from + static_cast<std::size_t>(i)]);
   }
 }
 
@@ -225,8 +202,8 @@ class NoisyRows {
     using rt::Effect;
     if (noise_.flying() != nullptr || noise_.dropout() != nullptr) {
       const bool inside = v > 0 && v + 1 < height_;
-      steps(inverse(v), inside ? inverse(v - 1) : nullptr, inside ? inverse(v + 1) : nullptr,
-            scratch_.step.data(), width_);
+      mark_edges({inverse(v), inside ? inverse(v - 1) : nullptr, inside ? inverse(v + 1) : nullptr},
+                 scratch_.row.data(), scratch_.beside.data(), width_);
     }
     if (noise_.flying() != nullptr) rt::effect_ran(Effect::kFlying), fly(v, z);
     if (noise_.axial() != nullptr) rt::effect_ran(Effect::kAxial), shake(v, z);
@@ -237,18 +214,22 @@ class NoisyRows {
   [[nodiscard]] const float* inverse(int v) const noexcept {
     return scratch_.inverse_m.data() + static_cast<std::ptrdiff_t>(v) * width_;
   }
+  static bool none_of_8(const std::uint8_t* beside) noexcept {
+    std::uint64_t all;
+    std::memcpy(&all, beside, sizeof all);
+    return all == 0;
+  }
   // Calls at_edge(u, bits) for the pixels of row v beside an edge; each has bits of its own.
   template <class AtEdge>
   void beside_edges(int v, Purpose purpose, AtEdge&& at_edge) const noexcept {
-    const float* row = inverse(v);
-    rt::Random rng = row_stream(seed_, seq_, v, purpose);
-    int drawn = 0;
+    const RowStream stream = row_stream(seed_, seq_, v, purpose);
+    const std::uint8_t* beside = scratch_.beside.data();
     for (int u = 0; u < width_; ++u) {
-      if (row[u] <= 0 || scratch_.step[static_cast<std::size_t>(u)] <=
-                             static_cast<float>(DepthNoise::kEdgeStep) * row[u])
+      if (u + 8 <= width_ && none_of_8(beside + u)) {
+        u += 7;
         continue;
-      for (; drawn < u; ++drawn) rng();  // only counts: the compiler sees that nobody wants it
-      at_edge(u, rng()), ++drawn;
+      }
+      if (beside[u] != 0) at_edge(u, stream(u));
     }
   }
   void fly(int v, float* z) const noexcept {
@@ -267,15 +248,10 @@ class NoisyRows {
     });
   }
   void shake(int v, float* z) const noexcept {
-    rt::Random rng = row_stream(seed_, seq_, v, Purpose::kAxial);
     const AxialNoise& axial = *noise_.axial();
-    const auto scale = static_cast<float>(axial.scale);
-    for (int u = 0; u < width_; ++u) {
-      const float n = axial.normal(high_bits(rng));
-      const float mm = 1.5F - 0.5F * z[u] + 0.3F * z[u] * z[u];
-      const float sigma = (mm > 1.2F ? mm : 1.2F) * 1e-3F * scale;
-      z[u] = z[u] > 0 ? z[u] + sigma * n : z[u];
-    }
+    float* deviate = scratch_.row.data();
+    draw_normals(row_stream(seed_, seq_, v, Purpose::kAxial), axial.normal, deviate, width_);
+    shake_row(z, deviate, static_cast<float>(axial.scale), width_);
   }
   void drop(int v, float* z) const noexcept {
     const auto share = static_cast<float>(noise_.dropout()->share);
@@ -298,7 +274,8 @@ class NoisyRows {
 RenderScratch::RenderScratch(rt::NonRealtime&, std::size_t max_shapes)
     : depth_m(RgbdFrame::kMaxPixels),
       inverse_m(RgbdFrame::kMaxPixels),
-      step(RgbdFrame::kMaxWidth),
+      row(RgbdFrame::kMaxWidth),
+      beside(RgbdFrame::kMaxWidth),
       shift_u(static_cast<std::size_t>(RgbdFrame::kMaxWidth) * RayTile::kHeight),
       shift_v(shift_u.size()) {
   seen.reserve(max_shapes);
