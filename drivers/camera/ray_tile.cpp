@@ -181,13 +181,13 @@ void tile_begin(RayTile& tile, double max_t) noexcept {
   tile.colour.fill(0);
 }
 
-void tile_pixels(RayTile& tile, int j, int u0, int v, int n, const float* du,
-                 const float* dv) noexcept {
+void tile_pixels(RayTile& tile, int j, int u0, int v, int n, const float* du_px,
+                 const float* dv_px) noexcept {
   double* x = tile.x.data() + static_cast<std::ptrdiff_t>(j) * RayTile::kWidth;
   double* y = tile.y.data() + static_cast<std::ptrdiff_t>(j) * RayTile::kWidth;
-  if (du != nullptr) {
-    shift(x, u0, 1, du, n);
-    shift(y, v, 0, dv, n);
+  if (du_px != nullptr) {
+    shift(x, u0, 1, du_px, n);
+    shift(y, v, 0, dv_px, n);
   } else {
     for (int i = 0; i < n; ++i) x[i] = u0 + i, y[i] = v;
   }

@@ -44,10 +44,10 @@ struct SeenShape {
 struct Lens {
   double fx, fy, cx, cy;  // px
 };
-// Row j of the tile's pixels: n of them from (u0, v) on, each shifted by its du, dv (null: none);
-// further ones repeat the last.
-void tile_pixels(RayTile& tile, int j, int u0, int v, int n, const float* du,
-                 const float* dv) noexcept;
+// Row j of the tile's pixels: n of them from (u0, v) on, each shifted by its du_px, dv_px (null:
+// none); further ones repeat the last.
+void tile_pixels(RayTile& tile, int j, int u0, int v, int n, const float* du_px,
+                 const float* dv_px) noexcept;
 // The tile's x, y hold pixels, and hold directions afterwards.
 void tile_aim(RayTile& tile, const Lens& lens) noexcept;
 

@@ -154,7 +154,7 @@ Between inverse_depth(const SeenShape& plane, const TileBounds& b) noexcept {
 
 // Of planes that all rays of the tile meet behind another one, none is seen. In a room that leaves
 // one or two of its walls.
-void leave_hidden_planes(const TileBounds& b, std::vector<const SeenShape*>& in_tile) noexcept {
+void drop_hidden_planes(const TileBounds& b, std::vector<const SeenShape*>& in_tile) noexcept {
   double nearest = 0;  // all rays meet a plane before this inverse depth; 0: there is none
   const auto is_plane = [](const SeenShape& s) { return s.shape->kind == Shape::Kind::kPlane; };
   for (const SeenShape* s : in_tile) {
@@ -172,7 +172,7 @@ void cast_tile(const std::vector<SeenShape>& seen, const TileBounds& bounds, dou
   for (const SeenShape& s : seen) {
     if (may_see(s, bounds)) in_tile.push_back(&s);
   }
-  leave_hidden_planes(bounds, in_tile);
+  drop_hidden_planes(bounds, in_tile);
   tile_begin(tile, max_t);
   for (const SeenShape* s : in_tile) tile_cast(tile, *s);
   if (!colour) return;
