@@ -24,7 +24,6 @@ MAY = {
     "tools/console/page/src/wire/quantile.ts": "the same rule for the page",
     "tests/unit/rt_audit_base/histogram_test.cpp": "an oracle, which shares no code",
     "tests/unit/drivers_omega/omega_device_test.cpp": "an oracle, which shares no code",
-    "tools/box/picture_phase.cpp": "the k-th smallest by count, no share of them",
     "perception/segmentation/object_summary.cpp": "the 0.99 quantile and its mirror image",
     "perception/tsdf/follow/follow_statistics.cpp": "upper median: the lower changes the map",
     "perception/motion/consensus.cpp": "upper median: the lower changes what counts as moving",

@@ -2,7 +2,7 @@
 //
 // When frames come is not known before the run: a camera counts from a clock of its own, and a twin
 // takes as long to render as its machine lets it. So the box moves capture's release to where they
-// come (tools/box/capture_phase.hpp).
+// come (tools/box/release_phase.hpp).
 #pragma once
 
 #include <cstdint>

@@ -42,7 +42,7 @@ struct OperatorGraph::Nodes {
 
 OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                              const OperatorSetup& setup, double haptic_period_s)
-    : BoxGraph(config), camera_(setup.fusion.camera) {
+    : BoxGraph(config), camera_(setup.fusion.camera), decoded_(setup.decoded) {
   cells_ = std::make_unique<OperatorCells>(nrt, config_, setup.faults);
   nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
                          FusionNode(nrt, config_, setup, *cells_, requests_),
@@ -111,6 +111,7 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
     if (!s.picture) return;
     link_.picture_ns.store(rt::ns_of(s.made));
     link_.tell_spared(s.spared);
+    if (decoded_) decoded_();
   };
   receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint, told);
   bind_edges(*cells_, endpoint,

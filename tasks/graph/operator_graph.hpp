@@ -123,6 +123,7 @@ struct OperatorSetup {
   bool hash_outputs = false;                      // fill JobRecord::output_hash
   rt::FaultPlan faults;                           // message faults on edges; empty = none
   rt::ModeGate mode_gate;                         // from the admission; open = every mode fits
+  std::function<void()> decoded;                  // a picture, for fusion; by the link's thread
 };
 
 class OperatorGraph : public BoxGraph<OperatorCells> {
@@ -148,6 +149,7 @@ class OperatorGraph : public BoxGraph<OperatorCells> {
  private:
   struct Nodes;
   perception::Intrinsics camera_;
+  std::function<void()> decoded_;
   std::unique_ptr<Nodes> nodes_;
 };
 

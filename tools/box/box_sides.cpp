@@ -4,7 +4,6 @@
 
 #include <cstdio>
 #include <fstream>
-#include <iterator>
 #include <stdexcept>
 
 #include "rt/clock/box_time.hpp"
@@ -40,35 +39,13 @@ rt::Result<std::unique_ptr<drivers::TcpLink>> OperatorSide::open_link(const Scen
 }
 
 void OperatorSide::keep_phase(std::vector<rt::PlacedTask>& placed) {
-  const rt::TaskSpec* spec = fusion_.of(placed, tasks::TaskId::kFusion);
-  if (spec != nullptr) phase_.emplace(spec->period());
-}
-
-// What the console has seen since the last time.
-void OperatorSide::mind_phase() {
-  const auto since = [](const auto& samples, rt::Time& seen) {
-    auto from = samples.end();
-    while (from != samples.begin() && std::prev(from)->stamp > seen) --from;
-    if (from != samples.end()) seen = samples.back().stamp;
-    return from;
-  };
-  const auto& pictures = console.link().newest;
-  for (auto s = since(pictures, picture_seen_); s != pictures.end(); ++s) {
-    if (s->picture) phase_->arrived(s->stamp, s->made);
-  }
-  const auto& jobs = console.seen().fusion;
-  for (auto s = since(jobs, job_seen_); s != jobs.end(); ++s) {
-    if (s->consumed)
-      phase_->taken(s->stamp, s->exposure);
-    else
-      phase_->found_none(s->stamp);
-  }
-  fusion_.postpone(phase_->look());
+  fusion_.keep(placed, tasks::TaskId::kFusion, epoch_);
 }
 
 void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
   console.tick(t);
-  if (phase_) mind_phase();
+  const std::string moved = fusion_.follow(box.decoded(), "pictures are decoded");
+  if (!moved.empty()) console.say(t, moved);
   if (options_.page != nullptr) options_.page->tick(t);
   if (!options_.quiet) std::fputs(console.news().c_str(), stdout);
   if (!options_.quiet && t >= next_line_) {
@@ -111,25 +88,14 @@ RobotSide::RobotSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions
 }
 
 void RobotSide::keep_phase(std::vector<rt::PlacedTask>& placed) {
-  if (box.frame_arrivals() == nullptr) return;
-  const rt::TaskSpec* spec = capture_.of(placed, tasks::TaskId::kCapture);
-  if (spec != nullptr) phase_.emplace(spec->rate, epoch_ + spec->offset);
-}
-
-void RobotSide::mind_phase(rt::Time t) {
-  for (rt::Time at; box.frame_arrivals()->try_pop(at);) phase_->arrived(at);
-  const rt::Nanos later = phase_->look();
-  if (later == rt::Nanos{0}) return;
-  capture_.postpone(later);
-  char line[96];
-  std::snprintf(line, sizeof line, "capture is released %.1f ms later: soon after frames come",
-                1e-6 * static_cast<double>(later.count()));
-  console.say(t, line);
+  if (box.frame_arrivals() != nullptr) capture_.keep(placed, tasks::TaskId::kCapture, epoch_);
 }
 
 void RobotSide::tick(rt::Time t, drivers::LinkTransport&) {
   console.tick(t);
-  if (phase_) mind_phase(t);
+  if (box.frame_arrivals() == nullptr) return;
+  const std::string moved = capture_.follow(*box.frame_arrivals(), "frames come");
+  if (!moved.empty()) console.say(t, moved);
 }
 
 rt::Result<std::unique_ptr<drivers::TcpLink>> RobotSide::open_link(const Scene& scene,

@@ -4,15 +4,12 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "drivers/link/tcp_link.hpp"
 #include "rt/sched/task.hpp"
 #include "tools/box/box_main.hpp"
-#include "tools/box/capture_phase.hpp"
-#include "tools/box/picture_phase.hpp"
-#include "tools/box/release_shift.hpp"
+#include "tools/box/release_follower.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/scene/box_devices.hpp"
 
@@ -33,7 +30,7 @@ class OperatorSide {
   // With a page, between two ticks: sleeps so long at most. What the page asks for, and the mesh
   // that it shows, do not wait for the next tick.
   void rest(rt::Nanos most, const std::function<rt::Time()>& now);
-  // From now on fusion, one of `placed`, is released when pictures have typically arrived.
+  // From now on fusion, one of `placed`, is released when pictures are typically decoded.
   void keep_phase(std::vector<rt::PlacedTask>& placed);
   void make_safe() { box.device().make_safe(); }
   // What it has seen so far, with `half`, into the run's folder. False: the disk refused it.
@@ -47,12 +44,9 @@ class OperatorSide {
   OperatorConsole console;
 
  private:
-  void mind_phase();
   const Scene& scene_;
   const DemoOptions& options_;
-  std::optional<PicturePhase> phase_;
-  ReleaseShift fusion_;
-  rt::Time picture_seen_{}, job_seen_{};
+  ReleaseFollower fusion_;
   rt::Time epoch_, next_line_;
   bool cut_ = false;
   OperatorHalf half_;
@@ -84,10 +78,8 @@ class RobotSide {
   RobotConsole console;
 
  private:
-  void mind_phase(rt::Time t);
   rt::Time epoch_;
-  std::optional<CapturePhase> phase_;
-  ReleaseShift capture_;
+  ReleaseFollower capture_;
   RobotHalf half_;
 };
 

@@ -113,7 +113,7 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
              : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
-// Where capture begins; then it follows the camera (capture_phase.hpp). Admission holds at any
+// Where capture begins; then it follows the camera (release_phase.hpp). Admission holds at any
 // phase (frame_phase.hpp).
 void place_capture(const Scene& scene, HostPlan& host) {
   if (!counts_from_epoch(scene)) return;

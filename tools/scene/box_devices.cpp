@@ -250,6 +250,7 @@ OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
   setup.mode_gate = options.mode_gate;
+  if (options.now) setup.decoded = [this, now = options.now] { decoded_.try_push(now()); };
   setup.fusion.camera = camera;
   if (scene.rgbd_dir.empty()) {
     setup.fusion.X_BC = scene.camera.X_BC();

@@ -33,7 +33,7 @@ struct BoxOptions {
   bool hash_outputs = false;
   bool real_devices = false;      // opens the devices that the scene names; else twins stand in
   bool threaded_camera = false;   // real clock: render on an ordinary thread
-  std::function<rt::Time()> now;  // box clock, for the threaded camera
+  std::function<rt::Time()> now;  // box clock, for ordinary threads; empty: the virtual clock
   rt::FaultPlan faults;
   rt::ModeGate mode_gate;
   std::function<void(int, int)> progress;  // of decoding a recording
@@ -102,6 +102,8 @@ class OperatorBox {
   [[nodiscard]] drivers::HandScript& hand() noexcept { return *hand_; }
   [[nodiscard]] drivers::HapticDevice& device() noexcept { return device_->device(); }
   [[nodiscard]] bool person_simulated() const noexcept { return device_->person_simulated(); }
+  // When fusion could take each picture. On the virtual clock none is told of.
+  [[nodiscard]] drivers::FrameArrivals& decoded() noexcept { return decoded_; }
   [[nodiscard]] Effects effects() const;
 
  private:
@@ -109,6 +111,7 @@ class OperatorBox {
   perception::Intrinsics camera_;
   std::unique_ptr<drivers::HandScript> hand_;
   std::unique_ptr<OpenedDevice> device_;
+  drivers::FrameArrivals decoded_;
   std::unique_ptr<tasks::OperatorGraph> graph_;
   drivers::LinkEndpoint endpoint_;
 };

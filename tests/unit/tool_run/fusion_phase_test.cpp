@@ -1,6 +1,5 @@
 // Fusion's phase on a box of its own, against pictures and jobs simulated one by one.
-#include "tools/box/picture_phase.hpp"
-#include "rt/quantile.hpp"
+#include "tools/box/release_phase.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,13 +8,14 @@
 #include <cstdio>
 #include <vector>
 
+#include "rt/quantile.hpp"
 #include "rt/random.hpp"
 
 namespace {
 
 using rt::Nanos;
 using rt::Time;
-using teletact::PicturePhase;
+using teletact::ReleasePhase;
 
 constexpr std::int64_t kMs = 1'000'000, kPeriod = 33'333'333;
 
@@ -25,9 +25,10 @@ struct Pictures {
   rt::Random random;
   std::int64_t way = 110 * kMs, jitter = 6 * kMs, drift_ppm = 0;
   std::int64_t decode = 3 * kMs, decode_more = 0;  // and up to so much more
+  std::int64_t gap = 0;                            // every 4 s nothing comes for so long
   std::int64_t phase, postponed = 0;
   int asked = 0;
-  PicturePhase keeper{Nanos{kPeriod}};
+  ReleasePhase keeper;
   std::uint64_t picture = 0, job = 0;
   std::int64_t last_arrival = 0, cell = -1, newest_taken = -1;
   std::vector<std::int64_t> waits;  // of the last look's time
@@ -37,7 +38,8 @@ struct Pictures {
   };
   std::vector<Arrival> on_the_way;
 
-  Pictures(std::uint64_t seed, std::int64_t phase_ns) : random(seed), phase(phase_ns) {}
+  Pictures(std::uint64_t seed, std::int64_t phase_ns)
+      : random(seed), phase(phase_ns), keeper(rt::Rate{30, 1}, at(phase_ns)) {}
   static Time at(std::int64_t ns) { return rt::time_from_ns(1'000'000 * kMs + ns); }
 
   void seconds(std::int64_t s) {
@@ -51,13 +53,16 @@ struct Pictures {
         const std::int64_t exposure =
             static_cast<std::int64_t>(picture) * (kPeriod + kPeriod * drift_ppm / 1'000'000);
         if (exposure > start) break;
-        last_arrival = std::max(last_arrival, exposure + way + random.integer(0, jitter));
+        std::int64_t arrives = exposure + way + random.integer(0, jitter);
+        const std::int64_t in_gap = arrives % (4'000 * kMs);
+        if (in_gap < gap) arrives += gap - in_gap;
+        last_arrival = std::max(last_arrival, arrives);
         on_the_way.push_back(
             {last_arrival, exposure, last_arrival + decode + random.integer(0, decode_more)});
       }
       std::size_t n = 0;
       for (; n < on_the_way.size() && on_the_way[n].decoded <= start; ++n) {
-        keeper.arrived(at(on_the_way[n].at), at(on_the_way[n].exposure));
+        keeper.arrived(at(on_the_way[n].decoded));
         if (cell > newest_taken) ++missed;
         cell = on_the_way[n].exposure;
         cell_at = on_the_way[n].at;
@@ -65,10 +70,7 @@ struct Pictures {
       on_the_way.erase(on_the_way.begin(), on_the_way.begin() + static_cast<std::ptrdiff_t>(n));
       if (cell > newest_taken) {
         newest_taken = cell;
-        keeper.taken(at(start), at(cell));
         waits.push_back(start - cell_at);
-      } else {
-        keeper.found_none(at(start));
       }
       const std::int64_t more = keeper.look().count();
       ASSERT_GE(more, 0);
@@ -83,7 +85,7 @@ struct Pictures {
 };
 
 // Whatever the phase that chance gave.
-TEST(PicturePhase, PicturesSoonFindTheirJob) {
+TEST(FusionPhase, PicturesSoonFindTheirJob) {
   for (std::int64_t phase = 0; phase < kPeriod; phase += kPeriod / 40) {
     for (const std::int64_t jitter : {0, 2, 6, 12}) {
       SCOPED_TRACE(std::to_string(phase) + " ns, jitter " + std::to_string(jitter) + " ms");
@@ -104,7 +106,7 @@ TEST(PicturePhase, PicturesSoonFindTheirJob) {
 }
 
 // Decoding takes longer than the shortest wait that is good: few pictures wait for a whole period.
-TEST(PicturePhase, SlowDecodingCostsNoPeriod) {
+TEST(FusionPhase, SlowDecodingCostsNoPeriod) {
   for (std::int64_t phase = 0; phase < kPeriod; phase += kPeriod / 20) {
     for (const std::int64_t decode : {3, 4, 6}) {
       SCOPED_TRACE(std::to_string(phase) + " ns, decoding " + std::to_string(decode) + " ms");
@@ -125,7 +127,7 @@ TEST(PicturePhase, SlowDecodingCostsNoPeriod) {
 }
 
 // A box that has just begun decodes slowly: that is no longer waited for half a minute later.
-TEST(PicturePhase, ASlowStartIsSoonForgotten) {
+TEST(FusionPhase, ASlowStartIsSoonForgotten) {
   for (std::int64_t phase = 0; phase < kPeriod; phase += kPeriod / 20) {
     SCOPED_TRACE(std::to_string(phase) + " ns");
     Pictures run(3000 + static_cast<std::uint64_t>(phase), phase), quick = run;
@@ -143,7 +145,7 @@ TEST(PicturePhase, ASlowStartIsSoonForgotten) {
 }
 
 // 50 ppm, 3 ms a minute, either way, for half an hour.
-TEST(PicturePhase, ClocksThatDriftAreFollowed) {
+TEST(FusionPhase, ClocksThatDriftAreFollowed) {
   for (const std::int64_t ppm : {-50, 50}) {
     Pictures run(7, 12 * kMs);
     run.drift_ppm = ppm;
@@ -162,24 +164,21 @@ TEST(PicturePhase, ClocksThatDriftAreFollowed) {
   }
 }
 
-// A job that comes too late now and then misses pictures at any phase: that is no reason to move.
-TEST(PicturePhase, MissedPicturesAloneAreNoReason) {
-  PicturePhase keeper{Nanos{kPeriod}};
-  for (int k = 0; k < 2'000; ++k) {
-    const std::int64_t exposure = k * kPeriod;
-    keeper.arrived(Pictures::at(exposure + 100 * kMs), Pictures::at(exposure));
-    if (k % 5 == 0) continue;
-    keeper.taken(Pictures::at(exposure + 105 * kMs), Pictures::at(exposure));
-    ASSERT_EQ(keeper.look().count(), 0) << k;
-  }
-}
-
-TEST(PicturePhase, WithoutPicturesNothingMoves) {
-  PicturePhase keeper{Nanos{kPeriod}};
-  for (int k = 0; k < 1'000; ++k) {
-    keeper.arrived(Pictures::at(k), Pictures::at(k));
-    EXPECT_EQ(keeper.look().count(), 0);
-    keeper.taken(Pictures::at(k), Pictures::at(k + 5'000));
+// A lost segment holds up what comes behind it for 200 ms, a stall for 400: then six or twelve
+// pictures come at once, and all but the newest are lost at any phase. Nothing moves for that.
+TEST(FusionPhase, BurstsAfterAGapMoveNothing) {
+  for (const std::int64_t gap_ms : {200, 400}) {
+    for (std::int64_t phase = 0; phase < kPeriod; phase += kPeriod / 20) {
+      SCOPED_TRACE(std::to_string(gap_ms) + " ms every 4 s, phase " + std::to_string(phase));
+      Pictures run(4000 + static_cast<std::uint64_t>(phase), phase);
+      run.gap = gap_ms * kMs;
+      run.seconds(10);
+      const int settled = run.asked;
+      run.seconds(120);
+      if (testing::Test::HasFatalFailure()) return;
+      EXPECT_LE(run.asked - settled, 6);
+      EXPECT_LE(rt::quantile(run.waits, 0.75), 12 * kMs);
+    }
   }
 }
 

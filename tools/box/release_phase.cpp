@@ -1,0 +1,64 @@
+#include "tools/box/release_phase.hpp"
+
+namespace teletact {
+
+void ReleasePhase::arrived(rt::Time at) {
+  if (newest_.size() == kArrivals) newest_.pop_front();
+  newest_.push_back(at);
+  ++fresh_;
+}
+
+rt::Nanos ReleasePhase::after_release(rt::Time at) const {
+  // Releases of a rate repeat after `den` seconds: nothing is rounded over days.
+  const rt::Nanos again = std::chrono::seconds{rate_.den};
+  rt::Nanos since = (at - first_) % again;
+  if (since < rt::Nanos{0}) since += again;
+  auto k = static_cast<std::uint64_t>(since.count() / rate_.period().count());
+  while (rate_.release(k + 1) <= since) ++k;  // a period is rounded up
+  return since - rate_.release(k);
+}
+
+std::vector<ReleasePhase::Arrival> ReleasePhase::on_the_grid() const {
+  std::vector<Arrival> out;
+  const rt::Nanos period = rate_.period();
+  const rt::Time from = newest_.front() - after_release(newest_.front());
+  for (const rt::Time at : newest_) {
+    const rt::Nanos after = after_release(at);
+    // Whole periods but for a nanosecond each.
+    out.push_back({(at - after - from + period / 2) / period, after});
+  }
+  return out;
+}
+
+rt::Nanos ReleasePhase::cost(const std::vector<Arrival>& arrivals, rt::Nanos later) const {
+  const rt::Nanos period = rate_.period();
+  rt::Nanos sum{0};
+  std::int64_t before = -1;  // the release that takes the arrival before
+  for (const Arrival& a : arrivals) {
+    const bool next = a.after > later;
+    const std::int64_t taken = a.release + (next ? 1 : 0);
+    sum += later - a.after + (next ? period : rt::Nanos{0});
+    if (taken == before) sum += kLost * period;
+    before = taken;
+  }
+  return sum;
+}
+
+rt::Nanos ReleasePhase::look() {
+  if (fresh_ < kFirst) return rt::Nanos{0};
+  fresh_ = 0;
+  const std::vector<Arrival> arrivals = on_the_grid();
+  const rt::Nanos now = cost(arrivals, rt::Nanos{0});
+  rt::Nanos best = now, aim{0};
+  for (const Arrival& a : arrivals) {
+    const rt::Nanos costs = cost(arrivals, a.after);
+    if (costs < best) best = costs, aim = a.after;
+  }
+  const auto n = static_cast<std::int64_t>(arrivals.size());
+  if (now - best <= n * (kSpare + kGain)) return rt::Nanos{0};
+  const rt::Nanos later = (aim + kSpare) % rate_.period();
+  first_ += later;
+  return later;
+}
+
+}  // namespace teletact
