@@ -1,8 +1,16 @@
 #include "tools/box/release_phase.hpp"
 
+#include <algorithm>
+
 namespace teletact {
 
 void ReleasePhase::arrived(rt::Time at) {
+  if (!newest_.empty() && at - newest_.back() > kAnew * rate_.period()) {
+    newest_.clear();
+    fresh_ = 0;
+    patience_ = kFirst;
+    was_earlier_ = false;
+  }
   if (newest_.size() == kArrivals) newest_.pop_front();
   newest_.push_back(at);
   ++fresh_;
@@ -44,10 +52,7 @@ rt::Nanos ReleasePhase::cost(const std::vector<Arrival>& arrivals, rt::Nanos lat
   return sum;
 }
 
-rt::Nanos ReleasePhase::look() {
-  if (fresh_ < kFirst) return rt::Nanos{0};
-  fresh_ = 0;
-  const std::vector<Arrival> arrivals = on_the_grid();
+rt::Nanos ReleasePhase::best_of(const std::vector<Arrival>& arrivals) const {
   const rt::Nanos now = cost(arrivals, rt::Nanos{0});
   rt::Nanos best = now, aim{0};
   for (const Arrival& a : arrivals) {
@@ -56,7 +61,28 @@ rt::Nanos ReleasePhase::look() {
   }
   const auto n = static_cast<std::int64_t>(arrivals.size());
   if (now - best <= n * (kSpare + kGain)) return rt::Nanos{0};
-  const rt::Nanos later = (aim + kSpare) % rate_.period();
+  return (aim + kSpare) % rate_.period();
+}
+
+bool ReleasePhase::too_soon(rt::Nanos later) noexcept {
+  const bool earlier = later > rate_.period() / 2;
+  if (earlier && moved_ago_ < patience_) return true;
+  if (was_earlier_) {
+    const bool stayed = earlier || moved_ago_ > kTried;
+    patience_ = stayed ? std::max(patience_ / kMorePatience, kFirst)
+                       : std::min(patience_ * kMorePatience, kLatest);
+  }
+  was_earlier_ = earlier;
+  moved_ago_ = 0;
+  return false;
+}
+
+rt::Nanos ReleasePhase::look() {
+  if (fresh_ < kFirst) return rt::Nanos{0};
+  moved_ago_ += fresh_;
+  fresh_ = 0;
+  const rt::Nanos later = best_of(on_the_grid());
+  if (later == rt::Nanos{0} || too_soon(later)) return rt::Nanos{0};
   first_ += later;
   return later;
 }

@@ -43,6 +43,14 @@ class ReleasePhase {
   static constexpr rt::Nanos kSpare = std::chrono::microseconds{1500};
   // A move is to gain more than this an arrival: a single one that was late moves nothing.
   static constexpr rt::Nanos kGain = std::chrono::milliseconds{2};
+  // Where a core is shared, a release that comes earlier can delay what it waits for: fusion that
+  // runs before capture of the box beside it has. What was seen then promises too much, and releases
+  // go later again. So each time that an earlier release is taken back within kTried arrivals, the
+  // next one waits for kMorePatience times as many, up to kLatest, a minute. One that stays makes up
+  // for one that did not.
+  static constexpr std::size_t kTried = 2 * kArrivals, kMorePatience = 4, kLatest = 1800;
+  // After so many periods without an arrival all begins anew: the other end has started again.
+  static constexpr int kAnew = 60;
 
  private:
   struct Arrival {
@@ -53,10 +61,15 @@ class ReleasePhase {
   [[nodiscard]] std::vector<Arrival> on_the_grid() const;
   // Of all of them, where releases are postponed by `later`, less than a period.
   [[nodiscard]] rt::Nanos cost(const std::vector<Arrival>& arrivals, rt::Nanos later) const;
+  [[nodiscard]] rt::Nanos best_of(const std::vector<Arrival>& arrivals) const;
+  // Not yet: what was earlier before did not stay.
+  [[nodiscard]] bool too_soon(rt::Nanos later) noexcept;
   rt::Rate rate_;
   rt::Time first_;
   std::deque<rt::Time> newest_;
-  std::size_t fresh_ = 0;  // since the last look
+  std::size_t fresh_ = 0;                                // since the last look
+  std::size_t moved_ago_ = kLatest, patience_ = kFirst;  // arrivals
+  bool was_earlier_ = false;                             // the last move
 };
 
 }  // namespace teletact
