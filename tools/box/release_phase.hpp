@@ -44,10 +44,10 @@ class ReleasePhase {
   // A move is to gain more than this an arrival: a single one that was late moves nothing.
   static constexpr rt::Nanos kGain = std::chrono::milliseconds{2};
   // Where a core is shared, a release that comes earlier can delay what it waits for: fusion that
-  // runs before capture of the box beside it has. What was seen then promises too much, and releases
-  // go later again. So each time that an earlier release is taken back within kTried arrivals, the
-  // next one waits for kMorePatience times as many, up to kLatest, a minute. One that stays makes up
-  // for one that did not.
+  // runs before capture of the box beside it has. What was seen then promises too much, and
+  // releases go later again. So each time that an earlier release is taken back within kTried
+  // arrivals, the next one waits for kMorePatience times as many, up to kLatest, a minute. One that
+  // stays makes up for one that did not.
   static constexpr std::size_t kTried = 2 * kArrivals, kMorePatience = 4, kLatest = 1800;
   // After so many periods without an arrival all begins anew: the other end has started again.
   static constexpr int kAnew = 60;
