@@ -61,7 +61,8 @@ rt::Nanos ReleasePhase::best_of(const std::vector<Arrival>& arrivals) const {
   }
   const auto n = static_cast<std::int64_t>(arrivals.size());
   if (now - best <= n * (kSpare + kGain)) return rt::Nanos{0};
-  return (aim + kSpare) % rate_.period();
+  const rt::Nanos later = (aim + kSpare) % rate_.period();
+  return rate_.period() - later < kEarlier ? rt::Nanos{0} : later;
 }
 
 bool ReleasePhase::too_soon(rt::Nanos later) noexcept {

@@ -35,7 +35,7 @@ class ReleasePhase {
   static constexpr std::size_t kArrivals = 60;  // that are looked at: of 30 Hz two seconds
   static constexpr std::size_t kFirst = 15;     // at first, and of each look so many are new
   // A lost one is a period without news, and the rate falls: one in 60 costs as much as 1.7 ms of
-  // waiting of all at 30 Hz. This and the two times below:
+  // waiting of all at 30 Hz. This and the times below:
   // chosen on: the test's arrivals, 29 of 30 are to stay; judged on: the bench of the link
   static constexpr int kLost = 3;
   // After the arrival that is aimed at: what takes it may come between, and clocks drift by 3 ms a
@@ -43,6 +43,8 @@ class ReleasePhase {
   static constexpr rt::Nanos kSpare = std::chrono::microseconds{1500};
   // A move is to gain more than this an arrival: a single one that was late moves nothing.
   static constexpr rt::Nanos kGain = std::chrono::milliseconds{2};
+  // Earlier only by this or more, for it costs an arrival.
+  static constexpr rt::Nanos kEarlier = std::chrono::milliseconds{3};
   // Where a core is shared, a release that comes earlier can delay what it waits for: fusion that
   // runs before capture of the box beside it has. What was seen then promises too much, and
   // releases go later again. So each time that an earlier release is taken back within kTried

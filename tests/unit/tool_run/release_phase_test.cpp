@@ -120,7 +120,7 @@ TEST(ReleasePhase, FramesWaitLittleLongerThanAtTheBestOfAllPhases) {
         const Nanos late_within{jitter / 2 + 2 * kMs};
         const Waits w = waits(seen, run.grid, late_within);
         const double slack_ms =
-            1e-6 * static_cast<double>((ReleasePhase::kGain + ReleasePhase::kSpare).count()) +
+            1e-6 * static_cast<double>((ReleasePhase::kEarlier + ReleasePhase::kSpare).count()) +
             std::abs(ppm) * 3e-3 + 0.25;
         EXPECT_LE(w.mean_ms, best_wait_ms(seen, late_within) + slack_ms);
         EXPECT_LE(run.asked, 2 + static_cast<int>(std::abs(ppm) * 3e-3 / 0.5));
@@ -171,7 +171,7 @@ TEST(ReleasePhase, NoPhaseIsMuchBetterThanTheOneThatIsKept) {
       Nanos best = std::chrono::hours{1};
       for (Nanos later{0}; later < k30Hz.period(); later += Nanos{kMs / 4})
         best = std::min(best, cost_by_stepping(window, run.grid, later));
-      const Nanos left = ReleasePhase::kSpare + ReleasePhase::kGain;
+      const Nanos left = ReleasePhase::kSpare + ReleasePhase::kEarlier;
       ++looks;
       if (cost_by_stepping(window, run.grid, Nanos{0}) >
           best + static_cast<std::int64_t>(ReleasePhase::kArrivals) * left)
@@ -208,7 +208,7 @@ TEST(ReleasePhase, ACameraThatComesBackIsFollowedAgain) {
     followed.camera.first += Nanos{jump_ms * kMs} + std::chrono::seconds{9};
     followed.frames(static_cast<int>(ReleasePhase::kArrivals + ReleasePhase::kFirst));
     const Nanos wait = k30Hz.period() - behind(followed.camera.next(), followed.grid);
-    EXPECT_LE(wait, ReleasePhase::kSpare + ReleasePhase::kGain) << jump_ms;
+    EXPECT_LE(wait, ReleasePhase::kSpare + ReleasePhase::kEarlier) << jump_ms;
   }
 }
 
