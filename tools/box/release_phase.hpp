@@ -63,8 +63,9 @@ class ReleasePhase {
   [[nodiscard]] std::vector<Arrival> on_the_grid() const;
   // Of all of them, where releases are postponed by `later`, less than a period.
   [[nodiscard]] rt::Nanos cost(const std::vector<Arrival>& arrivals, rt::Nanos later) const;
+  // By how much later they are best; zero: no phase is better by enough.
   [[nodiscard]] rt::Nanos best_of(const std::vector<Arrival>& arrivals) const;
-  // Not yet: what was earlier before did not stay.
+  // Earlier, and the last earlier one did not stay long enough ago. Else it is counted as a move.
   [[nodiscard]] bool too_soon(rt::Nanos later) noexcept;
   rt::Rate rate_;
   rt::Time first_;

@@ -48,7 +48,11 @@ void pictures_soon_find_their_job(const Boxes& b) {
     if (job.consumed && settled && picture != arrived.end())
       waits_ms.push_back(1e3 * rt::seconds(job.stamp - picture->second));
   }
-  if (waits_ms.size() < 30) return;  // this machine gave no second of them
+  if (waits_ms.size() < 30) {
+    std::printf("the waits of pictures are not judged: %zu of them are no second\n",
+                waits_ms.size());
+    return;
+  }
   const double half_wait_ms = rt::quantile(waits_ms, 0.5);
   std::printf("%zu pictures, half of them waited for %.1f ms at most\n", waits_ms.size(),
               half_wait_ms);
