@@ -1,6 +1,7 @@
 #include "tools/box/release_phase.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace teletact {
 
@@ -9,6 +10,7 @@ void ReleasePhase::arrived(rt::Time at) {
     newest_.clear();
     fresh_ = 0;
     patience_ = kFirst;
+    lasting_ = 0;
     was_earlier_ = false;
   }
   if (newest_.size() == kArrivals) newest_.pop_front();
@@ -52,7 +54,7 @@ rt::Nanos ReleasePhase::cost(const std::vector<Arrival>& arrivals, rt::Nanos lat
   return sum;
 }
 
-rt::Nanos ReleasePhase::best_of(const std::vector<Arrival>& arrivals) const {
+ReleasePhase::Best ReleasePhase::best_of(const std::vector<Arrival>& arrivals) const {
   const rt::Nanos now = cost(arrivals, rt::Nanos{0});
   rt::Nanos best = now, aim{0};
   for (const Arrival& a : arrivals) {
@@ -60,9 +62,14 @@ rt::Nanos ReleasePhase::best_of(const std::vector<Arrival>& arrivals) const {
     if (costs < best) best = costs, aim = a.after;
   }
   const auto n = static_cast<std::int64_t>(arrivals.size());
-  if (now - best <= n * (kSpare + kGain)) return rt::Nanos{0};
-  const rt::Nanos later = (aim + kSpare) % rate_.period();
-  return rate_.period() - later < kEarlier ? rt::Nanos{0} : later;
+  return {(aim + kSpare) % rate_.period(), (now - best) / n - kSpare};
+}
+
+bool ReleasePhase::worth(const Best& best, std::size_t fresh) noexcept {
+  const rt::Nanos earlier = rate_.period() - best.later;
+  const bool small = best.gain > kSmallGain && earlier >= kSmallGain;
+  lasting_ = small ? lasting_ + fresh : 0;
+  return lasting_ >= kLasting || (best.gain > kGain && earlier >= kEarlier);
 }
 
 bool ReleasePhase::too_soon(rt::Nanos later) noexcept {
@@ -80,12 +87,13 @@ bool ReleasePhase::too_soon(rt::Nanos later) noexcept {
 
 rt::Nanos ReleasePhase::look() {
   if (fresh_ < kFirst) return rt::Nanos{0};
-  moved_ago_ += fresh_;
-  fresh_ = 0;
-  const rt::Nanos later = best_of(on_the_grid());
-  if (later == rt::Nanos{0} || too_soon(later)) return rt::Nanos{0};
-  first_ += later;
-  return later;
+  const std::size_t fresh = std::exchange(fresh_, 0);
+  moved_ago_ += fresh;
+  const Best best = best_of(on_the_grid());
+  if (!worth(best, fresh) || too_soon(best.later)) return rt::Nanos{0};
+  lasting_ = 0;
+  first_ += best.later;
+  return best.later;
 }
 
 }  // namespace teletact

@@ -45,6 +45,10 @@ class ReleasePhase {
   static constexpr rt::Nanos kGain = std::chrono::milliseconds{2};
   // Earlier only by this or more, for it costs an arrival.
   static constexpr rt::Nanos kEarlier = std::chrono::milliseconds{3};
+  // Less is worth an arrival in the long run: this much, if it was to be gained at every look at so
+  // many arrivals.
+  static constexpr rt::Nanos kSmallGain = std::chrono::milliseconds{1};
+  static constexpr std::size_t kLasting = 150;
   // Where a core is shared, a release that comes earlier can delay what it waits for: fusion that
   // runs before capture of the box beside it has. What was seen then promises too much, and
   // releases go later again. So each time that an earlier release is taken back within kTried
@@ -63,8 +67,13 @@ class ReleasePhase {
   [[nodiscard]] std::vector<Arrival> on_the_grid() const;
   // Of all of them, where releases are postponed by `later`, less than a period.
   [[nodiscard]] rt::Nanos cost(const std::vector<Arrival>& arrivals, rt::Nanos later) const;
-  // By how much later they are best; zero: no phase is better by enough.
-  [[nodiscard]] rt::Nanos best_of(const std::vector<Arrival>& arrivals) const;
+  struct Best {
+    rt::Nanos later{0};  // by how much later they are best, kSpare behind the arrival aimed at
+    rt::Nanos gain{0};   // of an arrival, there
+  };
+  [[nodiscard]] Best best_of(const std::vector<Arrival>& arrivals) const;
+  // Whether that is worth a move; `fresh`: arrivals since the last look.
+  [[nodiscard]] bool worth(const Best& best, std::size_t fresh) noexcept;
   // Earlier, and the last earlier one did not stay long enough ago. Else it is counted as a move.
   [[nodiscard]] bool too_soon(rt::Nanos later) noexcept;
   rt::Rate rate_;
@@ -72,6 +81,7 @@ class ReleasePhase {
   std::deque<rt::Time> newest_;
   std::size_t fresh_ = 0;                                // since the last look
   std::size_t moved_ago_ = kLatest, patience_ = kFirst;  // arrivals
+  std::size_t lasting_ = 0;                              // arrivals, with a small gain at each look
   bool was_earlier_ = false;                             // the last move
 };
 

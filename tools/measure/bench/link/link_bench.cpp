@@ -10,6 +10,7 @@
 #include "tasks/graph/calibration.hpp"
 #include "tools/host/calibrate.hpp"
 #include "tools/host/host_admission.hpp"
+#include "tools/host/script_goal.hpp"
 #include "tools/measure/bench/link/link_depth.hpp"
 #include "tools/measure/bench/link/link_rig.hpp"
 #include "tools/measure/tun_road/tun_device.hpp"
@@ -142,11 +143,21 @@ void judge_felt(const RigResult& r, LinkRow& row) {
   row.felt_stages = felt_stages({r.op.view.haptic, r.op.view.fusion, r.op.link.newest, capture});
 }
 
+// As the operator's box says it at its end: no mark, no path, not engaged.
+std::string missed(const RigRun& run, const RigResult& r) {
+  auto keys = run.keys;
+  const auto scene = load_scene(find_config("scenes", run.scene), keys);
+  DemoOptions options;
+  options.seconds = run.seconds;
+  return check_goal(*scene, options, r.op, r.robot).missed;
+}
+
 void judge_drive(const RigRun& run, const RigResult& r, LinkRow& row) {
   const OperatorView& v = r.op.view;
   row.drive.arrived = v.arrivals > 0 && !v.paths.empty();
   row.drive.time_s =
       row.drive.arrived ? rt::seconds(v.first_arrival - v.paths.front().mark_stamp) : kNaN;
+  if (!row.drive.arrived) row.drive.missed = missed(run, r);
   row.drive.gaps = after_gaps(r.robot.view.robot, kGap_ms);
   if (!is(run, "drive_stall")) return;
   std::vector<std::int64_t> silences;

@@ -42,6 +42,7 @@ struct LinkDrive {
   double time_s = 0;     // from the mark to the arrival
   Silence silence;       // drive_stall: after the road fell silent
   Silence gaps;          // after the last goal before a gap in them
+  std::string missed{};  // why it did not arrive, as the operator's box says it
 };
 
 // One run, as far as it came.

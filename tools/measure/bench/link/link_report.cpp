@@ -270,6 +270,7 @@ void LinkBenchResult::print(std::ostream& out) const {
         name, d.arrived ? "arrived" : "did not arrive", d.time_s, d.silence.driving,
         d.silence.stands_ms, d.gaps.driving, d.gaps.stands_ms);
     out << line;
+    if (!d.missed.empty()) out << "             " << d.missed << "\n";
   }
   print_stages(out, rows);
   if (pairs) print_pairs(out, *pairs);
