@@ -140,6 +140,11 @@ TEST(LinkBench, WhatWasNotMeasuredSaysWhy) {
   other.pairs.reset();
   EXPECT_EQ(count(other.limits(), Limit::State::kNotMeasured), 2) << printed(other);
 
+  LinkBenchResult lost = just_good();
+  lost.rows["drive_stall"].drive.arrived = false;
+  lost.rows["drive_stall"].drive.missed = "goal not reached: no path was made";
+  EXPECT_THAT(printed(lost), HasSubstr("no path was made"));
+
   LinkBenchResult stood = just_good();
   stood.rows["drive_stall"].drive.silence = {0, 0};
   EXPECT_EQ(count(stood.limits(), Limit::State::kNotMeasured), 1);

@@ -227,6 +227,35 @@ TEST(ReleasePhase, OfTwoPhasesItKeepsOne) {
   }
 }
 
+// Releases that lie a little late for ever are mended once, after seconds in which nothing changed;
+// for less than that nothing moves.
+TEST(ReleasePhase, ASmallGainThatLastsIsTaken) {
+  for (std::int64_t before_us = 200; before_us < 6000; before_us += 200) {
+    SCOPED_TRACE(std::to_string(before_us) + " us before a release");
+    Followed followed;
+    followed.camera.first = k30Hz.period() - Nanos{1000 * before_us};
+    const auto wait = [&] {
+      return k30Hz.period() - behind(followed.camera.next(), followed.grid);
+    };
+    followed.frames(30);
+    const bool small = before_us < 4500;
+    EXPECT_EQ(followed.asked, small ? 0 : 1) << "at once";
+    followed.frames(300);
+    EXPECT_LE(wait(), ReleasePhase::kSpare + ReleasePhase::kSmallGain + Nanos{kMs / 10});
+    EXPECT_LE(followed.asked, 1);
+    // Every 4 s something is as it was: a gain of two looks is none.
+    Followed unsteady;
+    unsteady.camera.first = k30Hz.period() - Nanos{4 * kMs};
+    for (int i = 0; i < 8; ++i) {
+      unsteady.frames(60);
+      unsteady.camera.first += Nanos{3 * kMs};
+      unsteady.frames(60);
+      unsteady.camera.first -= Nanos{3 * kMs};
+    }
+    EXPECT_EQ(unsteady.asked, 0);
+  }
+}
+
 // Frames that come all round the period, and no frames at all: there is no phase to keep.
 TEST(ReleasePhase, WithoutAPhaseNothingMoves) {
   Followed slow;
