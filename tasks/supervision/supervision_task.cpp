@@ -192,6 +192,24 @@ bool SupervisionTask::may_resume(rt::Time now, const In& in,
 // ---- acts
 // ----------------------------------------------------------------------------------------
 
+// True in the tick in which an engage is pressed. The act, or what follows it, may fall into a
+// silence: then the robot's box hears nothing in time, or of a pause, between "no" and "yes". Both
+// are still what the person did, if the silence is one that an engagement survives.
+bool SupervisionTask::take_engage(rt::Time now, const In& in, bool changed) noexcept {
+  const bool silence_too_long =
+      box_ == rt::Box::kOperator || changed || in.link_closed ||
+      now - released_at_ > rt::nanos_from_seconds(config_.resume_within_s);
+  if (in.requests.engage == Engage::kNo) {
+    released_ = true;
+    released_at_ = now;
+    return false;
+  }
+  const bool yes = in.requests.engage == Engage::kYes;
+  const bool pressed = yes && released_ && !changed;
+  if (yes || silence_too_long) released_ = false;
+  return pressed;
+}
+
 void SupervisionTask::take_clear(rt::Time now, const In& in) noexcept {
   Clear clear = in.requests.clear;
   // What the robot's box knows of the button is what the link last said.
@@ -230,8 +248,7 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   const bool changed = link_changed(in);
   if (changed) raise(c, kFaultLinkSilent, Severity::kOk);
   count_and_latch(c);
-  const bool engage = in.requests.engage == Engage::kYes && last_engage_ == Engage::kNo;
-  last_engage_ = in.requests.engage;
+  const bool engage = take_engage(now, in, changed);
   take_clear(now, in);
   if (clear_open_) acknowledge(c);
   keep_resuming(now, in, c, changed);

@@ -15,9 +15,10 @@
 // of at most resume_within_s, on one and the same connection, with the operator's engage held all
 // the time. Outputs ramp down as ever, and the act that is still held goes on (Mode::kEngaged
 // again). An engage or a clear must be seen as "no" before a "yes" counts, so a switch left on, or
-// a link that comes back, starts nothing. A clear counts while it is pressed, for the first safe
-// stop only: devices that latch need a few ticks to reset. The operator's acts reach the robot's
-// box with the goal.
+// a link that comes back, starts nothing. Between the two the robot's box may hear nothing in time,
+// or of a pause, for as long as an engagement survives that. A clear counts while it is pressed,
+// for the first safe stop only: devices that latch need a few ticks to reset. The operator's acts
+// reach the robot's box with the goal.
 #pragma once
 
 #include <array>
@@ -70,7 +71,7 @@ class SupervisionTask {
     rt::Health health;     // of its newest job
   };
   struct Requests {
-    Engage engage = Engage::kAbsent;  // level; only kNo -> kYes is an act
+    Engage engage = Engage::kAbsent;  // level; only kNo, then kYes is an act
     bool ramp_down = false;           // level; SIGINT, SIGTERM, operator
     bool stop = false;                // level
     Clear clear = Clear::kAbsent;     // level; only kNo -> kYes is an act, until it is let go
@@ -134,6 +135,7 @@ class SupervisionTask {
   [[nodiscard]] bool change_mode(rt::Time now, const In& in, const rt::Health& worst,
                                  bool engage) noexcept;
   [[nodiscard]] bool may_engage(rt::Time now, const In& in, const rt::Health& worst) const noexcept;
+  [[nodiscard]] bool take_engage(rt::Time now, const In& in, bool changed) noexcept;
   void take_clear(rt::Time now, const In& in) noexcept;
   void acknowledge(const Conditions& c) noexcept;
   [[nodiscard]] bool held_back() const noexcept;
@@ -158,7 +160,8 @@ class SupervisionTask {
   std::array<bool, kFaultCount> was_active_{};
   std::array<bool, kFaultCount> latched_{};  // waits for the operator, or for a restart
   std::array<std::uint32_t, kFaultCount> counts_{};
-  Engage last_engage_ = Engage::kAbsent;
+  bool released_ = false;  // the engage was last seen as "no", released_at_
+  rt::Time released_at_{};
   Clear last_clear_ = Clear::kAbsent;  // a clear that is on at the start is no act
   bool clearing_ = false;              // pressed, and not yet let go
   bool clear_open_ = false;            // and no safe stop has begun or ended since
