@@ -181,6 +181,19 @@ TEST(RoadFaults, AStallEveryFourSecondsStopsTheBaseEachTime) {
   EXPECT_EQ(r.to_robot.bytes_lost + r.to_operator.bytes_lost, 0U) << "a stall loses nothing";
 }
 
+// The operator engages at 1 s, once. Behind a stall that takes the news of it, or the answer, both
+// boxes are engaged; the console presses again only where its own box has refused.
+TEST(RoadFaults, AnActThatFallsIntoAStallIsFollowed) {  // F-SUP-04
+  for (const char* stall :
+       {"{at_s=0.85, for_ms=250}", "{at_s=0.95, for_ms=400}", "{at_s=1.1, for_ms=400}"}) {
+    SCOPED_TRACE(stall);
+    const RoadRun r = drive(3.2, road({kNoAct, "link.network.delay_ms=80",
+                                       std::string("link.network.stall=[") + stall + "]"}));
+    EXPECT_EQ(r.run.op.view.mode.mode, tasks::Mode::kEngaged);
+    EXPECT_EQ(r.run.robot.view.mode.mode, tasks::Mode::kEngaged);
+  }
+}
+
 TEST(RoadFaults, AFlapIsToldAtOnceAndTheNextConnectionIsEngagedByAnAct) {
   drivers::NetworkConfig c;
   c.flaps_per_minute = 10;

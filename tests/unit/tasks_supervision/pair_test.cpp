@@ -150,6 +150,34 @@ TEST(SupervisionPair, AShortSilenceOfAnyWayEndsNothingForGood) {
   }
 }
 
+// The act itself may fall into such a silence, or the answer to it. Where the operator's box takes
+// it, it is given once and held; where that box hears nothing, it refuses it at once.
+TEST(SupervisionPair, AnActThatFallsIntoASilenceIsFollowedOrRefused) {
+  int refused = 0;
+  for (std::uint64_t seed = 1; seed <= 400; ++seed) {
+    rt::Random random(seed, 2);
+    const Draw d = draw(random, 20, 800);
+    Pair p(d.delay);
+    p.run(milliseconds{600});
+    const milliseconds from = p.now + drawn(random, 0, 800);
+    if (d.to_robot) p.goals.silence(from, from + d.silence);
+    if (d.to_operator) p.states.silence(from, from + d.silence);
+    p.run(milliseconds{300});
+    p.engage = true;
+    p.tick();
+    const bool taken = !p.op.out.engage_refused;
+    refused += taken ? 0 : 1;
+    p.run(milliseconds{500} + d.silence + milliseconds{2500});
+    EXPECT_EQ(p.both_engaged(), taken)
+        << "seed " << seed << ": delay " << d.delay.count() << " ms, silence " << d.silence.count()
+        << " ms from " << from.count() - 900 << " ms behind the act on, to robot " << d.to_robot
+        << ", to operator " << d.to_operator << ", causes " << p.op.out.mode.cause << ", "
+        << p.robot.out.mode.cause;
+    EXPECT_LE(p.robot_deaf_ms, 190) << "seed " << seed;
+  }
+  EXPECT_LE(refused, 60);
+}
+
 // Longer than it survives: no wheel turns and the hand is limp until the operator lets go and
 // presses again.
 TEST(SupervisionPair, ALongSilenceOfAnyWayDemandsAnAct) {

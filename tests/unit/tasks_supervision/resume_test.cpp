@@ -153,16 +153,54 @@ TEST(SupervisionResume, TheRobotPausesWithTheOperator) {  // F-SUP-06
   }
 }
 
-// A pause is no act, whatever came before.
+// The robot's box may hear of the act through a pause only, or after a while without a goal in time:
+// the operator's box has engaged since its "no", and a silence has interrupted it at once.
+TEST(SupervisionResume, ASilenceMayLieBetweenTheReleaseAndTheAct) {  // F-SUP-04
+  for (const Engage between : {Engage::kPaused, Engage::kAbsent}) {
+    for (const auto pause : {100ms, 900ms, 1100ms}) {
+      Story s(Box::kRobot);
+      s.run(50ms);
+      s.in.requests.engage = between;
+      s.run(pause);
+      EXPECT_EQ(s.mode(), Mode::kHold) << "neither is an act";
+      s.in.requests.engage = Engage::kYes;
+      s.run(10ms);
+      EXPECT_EQ(s.mode(), pause < 1s ? Mode::kEngaged : Mode::kHold) << pause.count();
+      s.run(1000ms);
+      EXPECT_EQ(s.mode(), pause < 1s ? Mode::kEngaged : Mode::kHold) << pause.count();
+    }
+  }
+}
+
+// A pause is no act: not without a release before it, not over another connection, and a console
+// that is absent for a moment is the operator's own matter.
 TEST(SupervisionResume, APauseEngagesNobody) {
-  Story s(Box::kRobot);
-  s.run(50ms);
-  s.in.requests.engage = Engage::kPaused;
-  s.run(100ms);
-  EXPECT_EQ(s.mode(), Mode::kHold);
-  s.in.requests.engage = Engage::kYes;
-  s.run(1000ms);
-  EXPECT_EQ(s.mode(), Mode::kHold) << "no release was seen right before";
+  enum class Before { kNeverReleased, kUsed, kOtherConnection, kClosed, kOperator };
+  for (const Before before : {Before::kNeverReleased, Before::kUsed, Before::kOtherConnection,
+                              Before::kClosed, Before::kOperator}) {
+    SCOPED_TRACE(static_cast<int>(before));
+    Story s(before == Before::kOperator ? Box::kOperator : Box::kRobot);
+    s.in.link_session = 1;
+    if (before == Before::kNeverReleased) s.in.requests.engage = Engage::kAbsent;
+    s.run(50ms);
+    if (before == Before::kUsed) {
+      s.in.requests.ramp_down = true;  // so the yes is not followed
+      s.in.requests.engage = Engage::kYes;
+      s.run(10ms);
+      s.in.requests.ramp_down = false;
+    }
+    s.in.requests.engage = before == Before::kOperator ? Engage::kAbsent : Engage::kPaused;
+    s.run(50ms);
+    if (before == Before::kOtherConnection) s.in.link_session = 2;
+    if (before == Before::kClosed) s.in.link_closed = true;
+    s.run(10ms);
+    s.in.link_closed = false;
+    s.run(40ms);
+    EXPECT_EQ(s.mode(), Mode::kHold);
+    s.in.requests.engage = Engage::kYes;
+    s.run(1000ms);
+    EXPECT_EQ(s.mode(), Mode::kHold);
+  }
 }
 
 // The first states behind a stall were made before the robot noticed it: they still say "engaged".
