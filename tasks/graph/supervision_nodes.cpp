@@ -164,8 +164,15 @@ void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) no
       goal && heard != 0 &&
       !limits_.of<EdgeId::kGoal>().within(tick.start, in_.link_last, goal->made, goal.unsure) &&
       limits_.of<EdgeId::kGoal>().state() == LimitWatch::State::kOld;
+  // What came over an older connection asks nothing any more: another operator may have said it.
+  if (in_.link_session != goals_session_) {
+    goals_session_ = in_.link_session;
+    void_goal_ = goal ? goal->made : rt::Time{};
+  }
+  const bool is_void = goal && goal->made == void_goal_;
   std::optional<GoalAsks> goal_asks;
-  if (goal && !old) goal_asks = GoalAsks{goal->operator_engaged, goal->operator_clear != 0};
+  if (goal && !old && !is_void)
+    goal_asks = GoalAsks{goal->operator_engaged, goal->operator_clear != 0};
   const PeerAsks asked = asked_by_goal(goal_asks);
   in_.requests.engage = asked.engage;
   in_.requests.clear = asked.clear;

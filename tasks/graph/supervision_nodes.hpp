@@ -49,6 +49,8 @@ class RobotSupervisionNode final : public rt::TaskBody {
   bool hash_;
   bool estop_fitted_;
   ReaderLimits<TaskId::kRobotSupervision> limits_;
+  std::uint64_t goals_session_ = 0;  // connection, since which void_goal_ is the last one's
+  rt::Time void_goal_{};             // when it was made
   Mode logged_mode_ = Mode::kInit;
   SupervisionTask::In in_;
   SupervisionTask::Out out_;

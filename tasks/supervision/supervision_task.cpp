@@ -195,18 +195,22 @@ bool SupervisionTask::may_resume(rt::Time now, const In& in,
 // True in the tick in which an engage is pressed. The act, or what follows it, may fall into a
 // silence: then the robot's box hears nothing in time, or of a pause, between "no" and "yes". Both
 // are still what the person did, if the silence is one that an engagement survives.
-bool SupervisionTask::take_engage(rt::Time now, const In& in, bool changed) noexcept {
-  const bool silence_too_long =
-      box_ == rt::Box::kOperator || changed || in.link_closed ||
-      now - released_at_ > rt::nanos_from_seconds(config_.resume_within_s);
-  if (in.requests.engage == Engage::kNo) {
+bool SupervisionTask::take_engage(rt::Time now, const In& in, const Conditions& c,
+                                  bool changed) noexcept {
+  const bool robot = box_ == rt::Box::kRobot;
+  const Engage asked = in.requests.engage;
+  const bool pressed = asked == Engage::kYes && released_;
+  const bool survived = robot && mode_ == Mode::kHold && !in.link_closed &&
+                        silence_alone(c, peer_pauses(in)) &&
+                        now - released_at_ <= rt::nanos_from_seconds(config_.resume_within_s);
+  if (robot && changed) {
+    released_ = false;
+  } else if (asked == Engage::kNo) {
     released_ = true;
     released_at_ = now;
-    return false;
+  } else if (asked == Engage::kYes || !survived) {
+    released_ = false;
   }
-  const bool yes = in.requests.engage == Engage::kYes;
-  const bool pressed = yes && released_ && !changed;
-  if (yes || silence_too_long) released_ = false;
   return pressed;
 }
 
@@ -248,7 +252,7 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   const bool changed = link_changed(in);
   if (changed) raise(c, kFaultLinkSilent, Severity::kOk);
   count_and_latch(c);
-  const bool engage = take_engage(now, in, changed);
+  const bool engage = take_engage(now, in, c, changed);
   take_clear(now, in);
   if (clear_open_) acknowledge(c);
   keep_resuming(now, in, c, changed);

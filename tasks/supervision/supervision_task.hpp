@@ -15,10 +15,10 @@
 // of at most resume_within_s, on one and the same connection, with the operator's engage held all
 // the time. Outputs ramp down as ever, and the act that is still held goes on (Mode::kEngaged
 // again). An engage or a clear must be seen as "no" before a "yes" counts, so a switch left on, or
-// a link that comes back, starts nothing. Between the two the robot's box may hear nothing in time,
-// or of a pause, for as long as an engagement survives that. A clear counts while it is pressed,
-// for the first safe stop only: devices that latch need a few ticks to reset. The operator's acts
-// reach the robot's box with the goal.
+// a link that comes back, starts nothing. The robot's box, in hold, counts a "yes" to engage also
+// where such a silence, and nothing else, lies between it and the "no". A clear counts while it is
+// pressed, for the first safe stop only: devices that latch need a few ticks to reset. The
+// operator's acts reach the robot's box with the goal.
 #pragma once
 
 #include <array>
@@ -135,7 +135,8 @@ class SupervisionTask {
   [[nodiscard]] bool change_mode(rt::Time now, const In& in, const rt::Health& worst,
                                  bool engage) noexcept;
   [[nodiscard]] bool may_engage(rt::Time now, const In& in, const rt::Health& worst) const noexcept;
-  [[nodiscard]] bool take_engage(rt::Time now, const In& in, bool changed) noexcept;
+  [[nodiscard]] bool take_engage(rt::Time now, const In& in, const Conditions& c,
+                                 bool changed) noexcept;
   void take_clear(rt::Time now, const In& in) noexcept;
   void acknowledge(const Conditions& c) noexcept;
   [[nodiscard]] bool held_back() const noexcept;
