@@ -191,6 +191,7 @@ TEST(RoadFaults, AnActThatFallsIntoAStallIsFollowed) {  // F-SUP-04
                                        std::string("link.network.stall=[") + stall + "]"}));
     EXPECT_EQ(r.run.op.view.mode.mode, tasks::Mode::kEngaged);
     EXPECT_EQ(r.run.robot.view.mode.mode, tasks::Mode::kEngaged);
+    EXPECT_EQ(r.run.op.view.engages, 1U) << "the act was taken";
   }
 }
 

@@ -1,4 +1,6 @@
 // A silence of the link that a held engage survives: of both ways, or of one alone.
+#include <functional>
+
 #include "tests/unit/tasks_supervision/story.hpp"
 
 namespace tests {
@@ -156,45 +158,93 @@ TEST(SupervisionResume, TheRobotPausesWithTheOperator) {  // F-SUP-06
 // The robot's box may hear of the act through a pause only, or after a while without a goal in time:
 // the operator's box has engaged since its "no", and a silence has interrupted it at once.
 TEST(SupervisionResume, ASilenceMayLieBetweenTheReleaseAndTheAct) {  // F-SUP-04
-  for (const Engage between : {Engage::kPaused, Engage::kAbsent}) {
-    for (const auto pause : {100ms, 900ms, 1100ms}) {
-      Story s(Box::kRobot);
-      s.run(50ms);
-      s.in.requests.engage = between;
-      s.run(pause);
-      EXPECT_EQ(s.mode(), Mode::kHold) << "neither is an act";
-      s.in.requests.engage = Engage::kYes;
-      s.run(10ms);
-      EXPECT_EQ(s.mode(), pause < 1s ? Mode::kEngaged : Mode::kHold) << pause.count();
-      s.run(1000ms);
-      EXPECT_EQ(s.mode(), pause < 1s ? Mode::kEngaged : Mode::kHold) << pause.count();
+  for (const auto within : {1000ms, 300ms, 0ms}) {
+    for (const auto silence : {100ms, 290ms, 320ms, 980ms, 1030ms}) {
+      for (const auto absent : {0ms, 50ms, 2000ms}) {  // then a pause is told of
+        SCOPED_TRACE(std::to_string(within.count()) + " ms are survived, " +
+                     std::to_string(silence.count()) + " ms, absent for " +
+                     std::to_string(absent.count()));
+        SupervisionConfig config;
+        config.resume_within_s = 1e-3 * static_cast<double>(within.count());
+        Story s(Box::kRobot, {}, config);
+        s.run(50ms);
+        s.in.requests.engage = Engage::kAbsent;
+        s.run(std::min(absent, silence));
+        s.in.requests.engage = Engage::kPaused;
+        if (silence > absent) s.run(silence - absent);
+        EXPECT_EQ(s.mode(), Mode::kHold) << "neither is an act";
+        s.in.requests.engage = Engage::kYes;
+        s.run(10ms);
+        EXPECT_EQ(s.mode(), silence < within ? Mode::kEngaged : Mode::kHold);
+        s.run(1000ms);
+        EXPECT_EQ(s.mode(), silence < within ? Mode::kEngaged : Mode::kHold);
+      }
     }
   }
 }
 
-// A pause is no act: not without a release before it, not over another connection, and a console
-// that is absent for a moment is the operator's own matter.
+// A pause is no act: not without a release before it, not over another connection, not where
+// anything but a silence lies between, and a console that is absent for a moment is the operator's
+// own matter.
 TEST(SupervisionResume, APauseEngagesNobody) {
-  enum class Before { kNeverReleased, kUsed, kOtherConnection, kClosed, kOperator };
-  for (const Before before : {Before::kNeverReleased, Before::kUsed, Before::kOtherConnection,
-                              Before::kClosed, Before::kOperator}) {
-    SCOPED_TRACE(static_cast<int>(before));
-    Story s(before == Before::kOperator ? Box::kOperator : Box::kRobot);
-    s.in.link_session = 1;
-    if (before == Before::kNeverReleased) s.in.requests.engage = Engage::kAbsent;
+  using Tell = std::function<void(Story&)>;
+  struct Case {
+    const char* name;
+    Tell before, meanwhile;
+    Box box = Box::kRobot;
+  };
+  const auto nothing = [](Story&) {};
+  const auto never = [](Story& s) { s.in.requests.engage = Engage::kAbsent; };
+  const auto used = [](Story& s) {
     s.run(50ms);
-    if (before == Before::kUsed) {
-      s.in.requests.ramp_down = true;  // so the yes is not followed
-      s.in.requests.engage = Engage::kYes;
-      s.run(10ms);
-      s.in.requests.ramp_down = false;
-    }
-    s.in.requests.engage = before == Before::kOperator ? Engage::kAbsent : Engage::kPaused;
-    s.run(50ms);
-    if (before == Before::kOtherConnection) s.in.link_session = 2;
-    if (before == Before::kClosed) s.in.link_closed = true;
+    s.in.requests.ramp_down = true;  // so the yes is not followed
+    s.in.requests.engage = Engage::kYes;
+    s.run(10ms);
+    s.in.requests.ramp_down = false;
+  };
+  const auto other = [](Story& s) {
+    s.in.link_session = 2;
+    s.run(10ms);
+  };
+  const auto other_with_no = [&](Story& s) {  // the old goal's, in the very tick
+    s.in.requests.engage = Engage::kNo;
+    other(s);
+    s.in.requests.engage = Engage::kPaused;
+    s.run(10ms);
+  };
+  const auto closed = [](Story& s) {
+    s.in.requests.engage = Engage::kNo;
+    s.in.link_closed = true;
+    s.run(100ms);
+    s.in.requests.engage = Engage::kPaused;
     s.run(10ms);
     s.in.link_closed = false;
+  };
+  const auto fault = [](Story& s) {
+    s.in.tasks[0].health = rt::Health::of(Severity::kRampDown, 101);
+    s.run(10ms);
+    s.in.tasks[0].health = rt::Health::ok();
+  };
+  const auto stop = [](Story& s) {
+    s.in.estop_closed = false;
+    s.run(10ms);
+    s.in.estop_closed = true;
+    s.clear();
+  };
+  for (const Case& c : {Case{"no release", never, nothing}, Case{"used", used, nothing},
+                        Case{"another connection", nothing, other},
+                        Case{"another connection, an old no", nothing, other_with_no},
+                        Case{"closed", nothing, closed}, Case{"a fault", nothing, fault},
+                        Case{"a safe stop", nothing, stop},
+                        Case{"the operator's box", nothing, nothing, Box::kOperator}}) {
+    SCOPED_TRACE(c.name);
+    Story s(c.box);
+    s.in.link_session = 1;
+    c.before(s);
+    s.run(50ms);
+    s.in.requests.engage = c.box == Box::kOperator ? Engage::kAbsent : Engage::kPaused;
+    s.run(50ms);
+    c.meanwhile(s);
     s.run(40ms);
     EXPECT_EQ(s.mode(), Mode::kHold);
     s.in.requests.engage = Engage::kYes;
