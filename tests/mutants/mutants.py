@@ -180,6 +180,8 @@ def options():
 
 def main():
     a = options()
+    # Of a run that was broken off there may be mutants left, with numbers of their own.
+    subprocess.run(["git", "-C", a.tree, "checkout", "-q", "--", "."], check=True)
     each = a.count // len(a.rooms)
     mutants = choose(a.tree, a.seed, a.rooms, each)
     left_out = build(a, mutants)
