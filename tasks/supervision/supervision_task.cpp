@@ -200,12 +200,15 @@ bool SupervisionTask::take_engage(rt::Time now, const In& in, const Conditions& 
   const bool robot = box_ == rt::Box::kRobot;
   const Engage asked = in.requests.engage;
   const bool pressed = asked == Engage::kYes && released_;
+  // On a silent line the last goal stands still: its "no" is not seen again.
+  const bool heard = !robot || !in.link_expected ||
+                     now - in.link_last <= rt::nanos_from_seconds(config_.link_liveness_s);
   const bool survived = robot && mode_ == Mode::kHold && !in.link_closed &&
                         silence_alone(c, peer_pauses(in)) &&
                         now - released_at_ <= rt::nanos_from_seconds(config_.resume_within_s);
   if (robot && changed) {
     released_ = false;
-  } else if (asked == Engage::kNo) {
+  } else if (asked == Engage::kNo && heard) {
     released_ = true;
     released_at_ = now;
   } else if (asked == Engage::kYes || !survived) {
@@ -248,9 +251,10 @@ void SupervisionTask::enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept
 rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   const rt::Time now = tick.start;
   Conditions c;
-  gather(now, in, c);
+  // First: the engage that is gone with the old connection is no cause of its own.
   const bool changed = link_changed(in);
   if (changed) raise(c, kFaultLinkSilent, Severity::kOk);
+  gather(now, in, c);
   count_and_latch(c);
   const bool engage = take_engage(now, in, c, changed);
   take_clear(now, in);

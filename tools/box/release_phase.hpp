@@ -43,7 +43,7 @@ class ReleasePhase {
   static constexpr rt::Nanos kSpare = std::chrono::microseconds{1500};
   // A move is to gain more than this an arrival: a single one that was late moves nothing.
   static constexpr rt::Nanos kGain = std::chrono::milliseconds{2};
-  // Earlier only by this or more, for it costs an arrival.
+  // At once earlier only by this or more, for it costs an arrival.
   static constexpr rt::Nanos kEarlier = std::chrono::milliseconds{3};
   // Less is worth an arrival in the long run: this much, if it was to be gained at every look at so
   // many arrivals.
