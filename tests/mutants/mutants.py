@@ -180,6 +180,8 @@ def options():
 
 def main():
     a = options()
+    if Path(a.tree) == SWITCH.parents[2]:
+        sys.exit(f"{a.tree} is this tree: a worktree of its own is wanted, for TREE is changed")
     # Of a run that was broken off there may be mutants left, with numbers of their own.
     subprocess.run(["git", "-C", a.tree, "checkout", "-q", "--", "."], check=True)
     each = a.count // len(a.rooms)

@@ -1,6 +1,6 @@
 // Both boxes' supervision over a late line of which one way, or both, falls silent at random: as
-// TCP has it, what a silence holds up comes behind it, in order. The operator holds the engage all
-// the time. Nothing here knows how a pause is agreed on; judged is what a person would see.
+// TCP has it, what a silence holds up comes behind it, in order. The operator holds the engage.
+// Nothing here knows how a pause is agreed on; judged is what a person would see.
 #include <algorithm>
 #include <cstdio>
 #include <deque>

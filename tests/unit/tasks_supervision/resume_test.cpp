@@ -225,18 +225,36 @@ TEST(SupervisionResume, APauseEngagesNobody) {
     s.run(10ms);
     s.in.tasks[0].health = rt::Health::ok();
   };
+  const auto fault_unheard = [&](Story& s) {  // the line is silent, the last goal still says no
+    s.in.requests.engage = Engage::kNo;
+    s.link_up = false;
+    s.run(300ms);
+    fault(s);
+    s.run(100ms);
+    s.in.requests.engage = Engage::kPaused;
+    s.link_up = true;
+  };
+  const auto too_long = [](Story& s) {
+    s.in.requests.engage = Engage::kNo;
+    s.link_up = false;
+    s.run(1500ms);
+    s.in.requests.engage = Engage::kPaused;
+    s.link_up = true;
+  };
   const auto stop = [](Story& s) {
     s.in.estop_closed = false;
     s.run(10ms);
     s.in.estop_closed = true;
     s.clear();
   };
-  for (const Case& c : {Case{"no release", never, nothing}, Case{"used", used, nothing},
-                        Case{"another connection", nothing, other},
-                        Case{"another connection, an old no", nothing, other_with_no},
-                        Case{"closed", nothing, closed}, Case{"a fault", nothing, fault},
-                        Case{"a safe stop", nothing, stop},
-                        Case{"the operator's box", nothing, nothing, Box::kOperator}}) {
+  for (const Case& c :
+       {Case{"no release", never, nothing}, Case{"used", used, nothing},
+        Case{"another connection", nothing, other},
+        Case{"another connection, an old no", nothing, other_with_no},
+        Case{"closed", nothing, closed}, Case{"a fault", nothing, fault},
+        Case{"a fault in a silence", nothing, fault_unheard},
+        Case{"a long silence", nothing, too_long}, Case{"a safe stop", nothing, stop},
+        Case{"the operator's box", nothing, nothing, Box::kOperator}}) {
     SCOPED_TRACE(c.name);
     Story s(c.box);
     s.in.link_session = 1;

@@ -125,10 +125,12 @@ TEST(Supervision, AnotherConnectionEndsTheEngagement) {  // F-SUP-02
     s.in.link_session = 1;
     s.engaged();
     s.in.link_session = 2;
+    if (box == Box::kRobot) s.in.requests.engage = Engage::kAbsent;  // the old goal is void
     s.run(10ms);
     EXPECT_EQ(s.mode(), Mode::kRampDown);
     EXPECT_EQ(s.out.mode.cause, tasks::kFaultLinkSilent);
     EXPECT_EQ(s.task.count(tasks::kFaultLinkSilent), 1U);
+    s.in.requests.engage = Engage::kYes;
     s.run(5000ms);
     EXPECT_EQ(s.mode(), Mode::kHold) << "only an act engages again";
     s.engage();
