@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -164,11 +165,16 @@ TEST(MapFile, EveryFaultIsNamedAndLeavesNothing) {
   refused(with(28, std::uint16_t{33}), "another layout");
   refused(with(16, std::uint32_t{0xffffffff}), "chunks = ");
   refused(with(20, std::uint32_t{0xffffffff}), "more than");
+  refused(with(24, std::uint32_t{256}), "more than");
   refused(with(24, std::uint32_t{257}), "keyframes = ");
   refused(with(32, 1e300), "voxel_size_m");
   refused(with(32, std::nan("")), "voxel_size_m");
-  refused(with(32, 0.01), "voxels of");
-  refused(with(40, 0.06), "truncation of");
+  for (double in : {0.002, 0.01, 0.1}) refused(with(32, in), "voxels of");
+  for (double out : {std::nextafter(0.002, 0.0), std::nextafter(0.1, 1.0)})
+    refused(with(32, out), "voxel_size_m");
+  for (double in : {0.005, 0.06, 0.5}) refused(with(40, in), "truncation of");
+  for (double out : {std::nextafter(0.005, 0.0), std::nextafter(0.5, 1.0)})
+    refused(with(40, out), "truncation_m");
   refused(with(96, std::uint32_t{0xfffffff0}), "bytes");
   refused(with(96, std::uint32_t{3}), "bytes");
   refused(with(100, std::int32_t{1 << 30}), "malformed");  // x of the first chunk

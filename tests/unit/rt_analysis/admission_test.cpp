@@ -482,6 +482,11 @@ TEST(Admission, MalformedRequestsAreRefusedByName) {
                 r.tasks[0].ring_fed = true;
               }),
               HasSubstr("catch_up_max"));
+  auto catches_up = demo(2);
+  catches_up.tasks[0].policy = rt::MissPolicy::kCatchUp;
+  catches_up.tasks[0].ring_fed = true;
+  catches_up.tasks[0].catch_up_max = 1;
+  EXPECT_EQ(rt::admit(catches_up).refusal, "");
   EXPECT_THAT(refusal([](auto& r) { r.tasks[0].parent = "nobody"; }), HasSubstr("'nobody'"));
   EXPECT_THAT(refusal([](auto& r) { r.tasks[0].parent = "fusion"; }), HasSubstr("its parent"));
   EXPECT_THAT(refusal([](auto& r) {
