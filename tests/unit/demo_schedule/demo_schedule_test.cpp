@@ -325,6 +325,25 @@ TEST(PageShare, IsAskedForOnceAndOfTheOperatorsBoxAlone) {
   }
 }
 
+// A size that the scene names is the only one that admission may choose; any other key leaves the
+// choice to it.
+TEST(VoxelSize, OneThatTheSceneNamesIsTaken) {
+  const auto calibration = teletact::reference_calibration();
+  const auto size = [&](const std::vector<std::string>& keys) {
+    const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), keys);
+    const auto plan = teletact::admit_host(*scene, calibration, {0, 1},
+                                           teletact::declared_shares(*scene, calibration, false));
+    EXPECT_EQ(plan.refusal, "");
+    return std::pair{teletact::choice_limits(*scene).named_voxel_m, plan.voxel_m};
+  };
+  const auto [unnamed, chosen] = size({"fusion.tsdf.max_depth_m=4.0", "haptic.scale=1.0"});
+  EXPECT_EQ(unnamed, 0);
+  EXPECT_LT(chosen, 0.04);
+  const auto [named, taken] = size({"fusion.tsdf.voxel_size_m=0.04"});
+  EXPECT_EQ(named, 0.04);
+  EXPECT_EQ(taken, 0.04);
+}
+
 // The whole link on two cores: the codec of depth, H.264 and two boxes in one host leave room for
 // voxels of 20 mm. What they take is declared, and more than a plain link.
 TEST(LinkShare, WithBothCodecsTheDemoIsAdmittedAt20MmOnTwoCores) {
