@@ -8,8 +8,8 @@
 Each mutant is one operator of one condition or returned value, changed. All are in one build, and
 an environment variable chooses the one that runs (mutants.hpp; each changed file includes it).
 First each test runs without one and notes which it reaches; a test that fails then judges nothing.
-Then each mutant runs through the tests that reach it, quickest first, until one fails. TREE is
-changed: a worktree of its own.
+Then each mutant runs through the tests that reach it until one fails: first those that bear the
+name of its folder, then the quickest. TREE is changed: a worktree of its own.
 """
 import argparse
 import concurrent.futures
@@ -137,7 +137,7 @@ def passes(folder, name, longest_s, **env):
     return r.returncode == 0 and "Not Run" not in r.stdout
 
 
-def look(a, name, kept):
+def look(a, name, built):
     """A test without a mutant: seconds, and which mutants it reaches; none if it fails."""
     hits = Path(a.build) / "mutant_hits" / name
     hits.parent.mkdir(exist_ok=True)
@@ -145,15 +145,17 @@ def look(a, name, kept):
     good = passes(a.build, name, 900, TELETACT_MUTANT_HITS=str(hits))
     took = time.time() - began
     data = hits.read_bytes() if hits.exists() else b""
-    reached = {k for k in kept if good and k < len(data) and data[k]}
+    reached = {k for k in built if good and k < len(data) and data[k]}
     print(f"{name}: {'passed' if good else 'FAILED, judges nothing'}, {took:.0f} s, "
           f"reaches {len(reached)}", flush=True)
     return name, took, reached
 
 
 def judge(a, k, mutant, looked):
-    tests = sorted((took, name) for name, took, reached in looked if k in reached)
-    by = next((n for took, n in tests if
+    folder = mutant["file"].split("/")[1]
+    tests = sorted((folder not in name, took, name) for name, took, reached in looked
+                   if k in reached)
+    by = next((n for other, took, n in tests if not (other and took > a.longest) and
                not passes(a.build, n, 4 * took + 60, TELETACT_MUTANT=str(k))), None)
     verdict = "killed" if by else "survived" if tests else "not reached"
     print(f"{mutant['file']}:{mutant['line']} -> {mutant['to']}: {verdict} {by or ''}", flush=True)
@@ -171,6 +173,8 @@ def options():
     p.add_argument("--targets", nargs="*", default=[], help="of ninja; none: all")
     p.add_argument("--only", default=".", help="the tests whose names have this (regular "
                    "expression)")
+    p.add_argument("--longest", type=float, default=float("inf"), help="seconds: a test that takes "
+                   "longer judges only mutants of the folder whose name it bears")
     p.add_argument("--jobs", type=int, default=2)
     p.add_argument("--out", required=True, help="JSON of all mutants and what became of them")
     a = p.parse_args()
@@ -187,19 +191,23 @@ def main():
     each = a.count // len(a.rooms)
     mutants = choose(a.tree, a.seed, a.rooms, each)
     left_out = build(a, mutants)
-    kept = [k for room in a.rooms for k in
-            [k for k, m in enumerate(mutants) if m["room"] == room and k not in left_out][:each]]
+    built = {room: [k for k, m in enumerate(mutants) if m["room"] == room and k not in left_out]
+             for room in a.rooms}
+    kept = [k for room in a.rooms for k in built[room][:each]]
+    every = [k for room in a.rooms for k in built[room]]
     tests = list(tests_of(a))
     with concurrent.futures.ThreadPoolExecutor(a.jobs) as pool:
-        looked = list(pool.map(lambda t: look(a, t[0], kept), [t for t in tests if not t[1]]))
-    looked += [look(a, name, kept) for name, alone in tests if alone]
+        looked = list(pool.map(lambda t: look(a, t[0], every), [t for t in tests if not t[1]]))
+    looked += [look(a, name, every) for name, alone in tests if alone]
     with concurrent.futures.ThreadPoolExecutor(a.jobs) as pool:
         result = list(pool.map(lambda k: judge(a, k, mutants[k], looked), kept))
     Path(a.out).write_text(json.dumps(result, indent=1) + "\n")
     for room in a.rooms:
         verdicts = [r["verdict"] for r in result if r["room"] == room]
+        reached = {k for _, _, some in looked for k in some} & set(built[room])
         print(f"{room}: of {len(verdicts)} killed {verdicts.count('killed')}, survived "
-              f"{verdicts.count('survived')}, not reached {verdicts.count('not reached')}")
+              f"{verdicts.count('survived')}, not reached {verdicts.count('not reached')}; "
+              f"of {len(built[room])} that were built {len(reached)} reached")
 
 
 if __name__ == "__main__":
