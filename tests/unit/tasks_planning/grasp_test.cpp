@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -67,6 +68,34 @@ TEST(Grasp, ABoxIsTakenFromAboveAcrossItsNarrowSide) {
     EXPECT_NEAR((g.before_W - Vec3(0.5, 0.2, 0.14)).norm(), 0, 1e-12);
     expect_reached(g, c);
   }
+}
+
+TEST(Grasp, TheJointsStayWithinTheirRangesAtBothEnds) {
+  constexpr std::uint64_t kSeed = 71;
+  rt::Random random(kSeed);
+  std::printf("  seed %llu\n", static_cast<unsigned long long>(kSeed));
+  int taken = 0, refused = 0;
+  for (int n = 0; n < 400; ++n) {
+    GraspConfig c;
+    const std::array<std::array<double, 2>*, 3> ranges{&c.range2_deg, &c.range3_deg, &c.range4_deg};
+    for (auto* range : ranges) *range = {random.uniform(-120, 70), random.uniform(30, 150)};
+    const Grasp g =
+        grasp(standing(Vec3(0.5, 0, 0), Vec3(0.12, 0.06, random.uniform(0.04, 0.3))), c);
+    if (g.refused != Grasp::Refused::kNo) {
+      EXPECT_EQ(g.refused, Grasp::Refused::kOutOfReach);
+      ++refused;
+      continue;
+    }
+    ++taken;
+    expect_reached(g, c);
+    for (std::size_t i = 0; i < ranges.size(); ++i) {
+      EXPECT_GE(g.joint_rad[i], (*ranges[i])[0] * kPi / 180 - 1e-12) << n << ", joint " << i + 2;
+      EXPECT_LE(g.joint_rad[i], (*ranges[i])[1] * kPi / 180 + 1e-12) << n << ", joint " << i + 2;
+    }
+  }
+  std::printf("  %d taken, %d out of reach\n", taken, refused);
+  EXPECT_GE(taken, 40);
+  EXPECT_GE(refused, 40);
 }
 
 TEST(Grasp, AFlatBoxIsTakenNoDeeperThanItsMiddleAndTheFloorAllows) {
