@@ -149,6 +149,15 @@ test('the bin by clicks: shown, taken away, accepted', async () => {
     (await desk.page.textContent('#pane-scene'))!.includes('bin'));
 });
 
+test('what was hardly measured can not be accepted, and the words say so', async () => {
+  await desk.tool('Object');
+  await desk.click([1.5, 0.3, 0]);  // the floor: of no size
+  await until('the words', async () => /^1 click, too little of it was measured/.test(
+    (await desk.page.textContent('#options [role=status]')) ?? ''));
+  assert.ok(await desk.page.locator('#options button:has-text("Accept")').isDisabled());
+  await desk.page.keyboard.press('Escape');
+});
+
 test('a region is forgotten only after a yes', async () => {
   await desk.tool('Forget');
   await desk.drag([[1.6, -0.2, 0], [2, 0.2, 0]]);
@@ -164,11 +173,16 @@ test('a region is forgotten only after a yes', async () => {
 
 test('an object is chosen and accepted in the picture by keys alone', async () => {
   const { keyboard } = desk.page;
-  await keyboard.press('Escape');
-  await desk.page.focus('#picture');
-  await keyboard.press('Enter');
-  await until('a proposal', async () => !await desk.page.isDisabled(
-    '#options button:has-text("Accept")', { timeout: 60000 }));
+  // The bin ahead, above the middle of the picture, where the floor is: upwards until it is met.
+  plant.robot = [0.9, 0.1, Math.atan2(0.45, 1.6)];
+  await until('a proposal', async () => {
+    await keyboard.press('Escape');
+    await desk.page.focus('#picture');
+    await keyboard.press('ArrowUp');
+    await keyboard.press('Enter');
+    await desk.page.waitForTimeout(400);
+    return desk.page.locator('#options button:has-text("Accept"):enabled').isVisible();
+  });
   const accepted = twin.count('accept');
   await keyboard.press('y');
   await until('the accept', () => twin.count('accept') === accepted + 1);

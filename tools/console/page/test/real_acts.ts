@@ -104,19 +104,20 @@ test('and of its flat top, seen at a grazing angle', async () => {
   await clicked(box, [[0, 0, z], [0.5 * x, -0.5 * y, z], [-0.5 * x, 0.4 * y, z]]);
 });
 
-// The proposal after the next click, which `run` makes.
+// The proposal after the next click, which `run` makes, and its words.
 async function proposed(run: () => Promise<void>): Promise<Awaited<ReturnType<typeof proposal>>> {
   const before = (await sent('select')).length;
   await run();
   const clicks = before + 1;
   await until('a proposal', async () => (await sent('select')).length === clicks
-    && / m$/.test((await page.textContent('#options [role=status]')) ?? '')
+    && /( m|of it)$/.test(await proposedWords())
     && (await proposal()).selection.proposal !== shownBefore);
   const shown = await proposal();
   shownBefore = shown.selection.proposal;
   return shown;
 }
 let shownBefore = -1;
+const proposedWords = async () => (await page.textContent('#options [role=status]')) ?? '';
 
 test('the bin by clicks: shown, corrected by a click at the largest error, accepted', async () => {
   const bin = body('bin');
@@ -151,17 +152,25 @@ test('another object by keys alone, in the picture; and taken back', async () =>
   const seen = await newestPicture();
   const none = new Uint8Array(seen.width * seen.height);
   const blank = { width: seen.width, height: seen.height, proposal: 0, mask: none };
-  const at = nextClick(blank, truthOf(blank, seen, bodies, body('table')));
+  const truth = truthOf(blank, seen, bodies, body('table'));
   await keyboard.press('Escape');
   await tabTo('', '', 'picture');
-  const go = async (steps: number, back: string, forth: string) => {
-    for (let i = 0; i < Math.abs(Math.round(steps)); ++i) {
-      await keyboard.press(steps < 0 ? back : forth);
-    }
+  const go = async (way: number, back: string, forth: string) => {
+    const steps = Math.round(way / keyStep);
+    for (let i = 0; i < Math.abs(steps); ++i) await keyboard.press(steps < 0 ? back : forth);
+    return steps * keyStep;
   };
-  await go((at.u - 0.5) / keyStep, 'ArrowLeft', 'ArrowRight');
-  await go((at.v - 0.5) / keyStep, 'ArrowUp', 'ArrowDown');
-  await proposed(async () => keyboard.press('Enter'));
+  // Far away a click may give a patch of it: as a person does, on until it has a size.
+  let next = nextClick(blank, truth);
+  let [u, v] = [0.5, 0.5];
+  for (let clicks = 1; ; ++clicks) {
+    u += await go(next.u - u, 'ArrowLeft', 'ArrowRight');
+    v += await go(next.v - v, 'ArrowUp', 'ArrowDown');
+    const { selection } = await proposed(async () => keyboard.press('Enter'));
+    if (/ m$/.test(await proposedWords()) || clicks === mostClicks) break;
+    const more = truth.map((t, i) => t || selection.mask[i]!);  // a key adds, and takes none away
+    next = nextClick(selection, more);
+  }
   await keyboard.press('y');
   const objects = async () => ((await slow()).objects ?? []).length;
   await until('the object', async () => await objects() === 2);

@@ -11,6 +11,7 @@ export class Selecting {
   proposal: Selection | null = null;
   clicks: Click[] = [];
   size: number[] | null = null;  // m, of what is proposed
+  scant = false;  // too little of what is proposed was measured to be an object
   onChange: () => void = () => {};
   private camera: number[] | null = null;  // of the picture of the first click
 
@@ -46,6 +47,7 @@ export class Selecting {
     void this.acts.link.act('select', { u, v, sign, new: first }).then(answer => {
       if (answer.ok) {
         this.size = (answer.result?.size_m as number[] | undefined) ?? null;
+        this.scant = !this.size;
         this.onChange();
         return;
       }
@@ -69,12 +71,14 @@ export class Selecting {
     const { length } = this.clicks;
     const clicks = length === 1 ? '1 click' : `${length} clicks`;
     if (!this.proposal) return `${clicks}, looking`;
+    if (this.scant) return `${clicks}, too little of it was measured: click on more of it`;
     return this.size ? `${clicks}, ${this.size.map(m => m.toFixed(2)).join(' × ')} m` : clicks;
   }
 
   drop(): void {
     this.proposal = null;
     this.size = null;
+    this.scant = false;
     this.clicks = [];
     this.sign = 1;
     this.onChange();

@@ -119,7 +119,7 @@ export class Rail {
       'aria-label': 'Name of the object' });
     name.value = typed;
     const accept = button('Accept', () => void selecting.accept(name.value.trim()));
-    accept.disabled = !selecting.proposal;
+    accept.disabled = !selecting.proposal || selecting.scant;
     const text = h('span', { role: 'status' }, selecting.text);
     return [sign(1, '+ add'), sign(-1, '− take away'), text, name, accept,
       button('Cancel', () => selecting.drop())];
