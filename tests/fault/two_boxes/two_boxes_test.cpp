@@ -44,7 +44,7 @@ void pictures_soon_find_their_job(const Boxes& b) {
   for (const auto& job : half.view.fusion) {
     const auto picture = arrived.find(job.exposure);
     const bool settled =
-        !arrived.empty() && job.exposure - arrived.begin()->first > std::chrono::milliseconds{1500};
+        !arrived.empty() && job.exposure - arrived.begin()->first > std::chrono::seconds{3};
     if (job.consumed && settled && picture != arrived.end())
       waits_ms.push_back(1e3 * rt::seconds(job.stamp - picture->second));
   }
@@ -87,6 +87,10 @@ Ending story(const std::string& name, bool operator_first, bool robot_dials) {
   if (!b.until([](const Json& r, const Json&) { return waits(r); })) return b.ending;
   b.op.start();
   if (!b.until(both_engaged)) return b.ending;
+  // Pictures enough behind the start, at which two boxes share two cores.
+  if (robot_dials &&
+      !b.until([](const Json&, const Json& o) { return static_cast<double>(o["up_s"]) > 6; }))
+    return b.ending;
 
   const std::string status =
       TELETACT_BINARY_DIR "/teletact status > " + (b.folder / "status.txt").string();

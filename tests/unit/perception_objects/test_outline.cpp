@@ -292,21 +292,38 @@ double median_touch_ms(const Sequence& s, int shape) {
   return rt::quantile(ms, 0.5);
 }
 
+// Frame by frame in turn, so that what takes the CPU's caches meanwhile is in both.
+std::array<double, 2> median_frames_ms(const std::array<const Sequence*, 2>& sequences,
+                                       const std::array<int, 2>& shapes) {
+  Follower first(*sequences[0]), second(*sequences[1]);
+  std::array<Follower*, 2> maps{&first, &second};
+  std::array<std::vector<double>, 2> ms;
+  for (int n = 0; n < kFrames; ++n) {
+    for (std::size_t i = 0; i < 2; ++i) {
+      double spent = 0;
+      maps[i]->step(n, n == 0 ? shapes[i] : -1, spent, [] {});
+      if (n > 0) ms[i].push_back(spent);
+    }
+  }
+  return {rt::quantile(ms[0], 0.5), rt::quantile(ms[1], 0.5)};
+}
+
 // Looked at coarsely, it costs no more than the 3.3 ms that an object may where the can at full
 // resolution takes 2; the touch no more than its 12 ms.
 TEST(Objects, OneThatFillsTheImageCostsNoMore) {
   const Sequence small(5), large(5, chest());
-  const Followed can = follow(small, small.world.find("can"));
-  const Followed f = follow(large, large.world.find("chest"));
-  const double touch_ms = median_touch_ms(large, large.world.find("chest"));
+  const int can = small.world.find("can"), chest = large.world.find("chest");
+  const Followed f = follow(large, chest);
+  const auto [can_ms, chest_ms] = median_frames_ms({&small, &large}, {can, chest});
+  const double touch_ms = median_touch_ms(large, chest);
   std::cout << "chest: after 30 frames " << f.last << ", single frame " << f.image.single
             << "; drawn " << f.drawn.single << ", " << f.drawn.fused << "; touch " << touch_ms
-            << ", a frame " << f.frame_ms << " ms, the can's " << can.frame_ms << " ms\n";
+            << ", a frame " << chest_ms << " ms, the can's " << can_ms << " ms\n";
   EXPECT_GE(f.last, 0.95);
   EXPECT_GT(f.surface.fused, f.surface.single);
   EXPECT_GT(f.drawn.fused, f.drawn.single);
-  EXPECT_LE(f.frame_ms, 1.65 * can.frame_ms);
-  EXPECT_LE(touch_ms, 6 * can.frame_ms);
+  EXPECT_LE(chest_ms, 1.65 * can_ms);
+  EXPECT_LE(touch_ms, 6 * can_ms);
 }
 
 // Four maps see the same frames side by side: three that hold one object each, one that holds all.

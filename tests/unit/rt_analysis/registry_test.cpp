@@ -183,13 +183,14 @@ TEST_F(RegistryTest, RegisteringAgainReplacesOwnRowsOrKeepsThem) {
 TEST_F(RegistryTest, ManyProcessesAtOnceNeverOvercommit) {
   // 12 children want 0.2 of a core each: exactly 4 fit below 0.90, whoever comes first.
   std::vector<Child> children;
-  std::array<int, 2> gate{};
-  ASSERT_EQ(::pipe(gate.data()), 0);
+  std::array<int, 2> gate{}, tried{}, release{};
+  for (auto* ends : {&gate, &tried, &release}) ASSERT_EQ(::pipe(ends->data()), 0);
   for (int i = 0; i < 12; ++i) {
     // The parent does not wait for the answer before it starts the next: answers go to a file each.
     const pid_t pid = ::fork();
     if (pid == 0) {
       ::close(gate[1]);
+      ::close(release[1]);
       char c = 0;
       while (::read(gate[0], &c, 1) > 0) {
       }
@@ -197,7 +198,11 @@ TEST_F(RegistryTest, ManyProcessesAtOnceNeverOvercommit) {
       if (!r) ::_exit(3);
       const bool in =
           r.value().try_register(std::array{row("x", 0, 40 + i, 20000, 100000)}).has_value();
-      ::usleep(300'000);  // hold it until all have tried
+      // Held until all have tried.
+      if (::write(tried[1], &c, 1) != 1) ::_exit(3);
+      ::close(tried[1]);
+      while (::read(release[0], &c, 1) > 0) {
+      }
       ::_exit(in ? 0 : 1);
     }
     Child child;
@@ -206,6 +211,14 @@ TEST_F(RegistryTest, ManyProcessesAtOnceNeverOvercommit) {
   }
   ::close(gate[0]);
   ::close(gate[1]);
+  ::close(tried[1]);
+  char c = 0;
+  std::size_t answers = 0;
+  while (answers < children.size() && ::read(tried[0], &c, 1) == 1) ++answers;
+  EXPECT_EQ(answers, children.size());
+  ::close(tried[0]);
+  ::close(release[0]);
+  ::close(release[1]);
   int in = 0, out = 0;
   for (Child& child : children) {
     int status = 0;

@@ -4,12 +4,14 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <limits>
 #include <thread>
 #include <vector>
 
@@ -140,11 +142,19 @@ TEST(WorkerPool, BeyondIsWhatTheLongestTookLonger) {
     while (rt::thread_cpu_ns() < until) {
     }
   };
-  crew.pool.for_parts(3, [&](int p) { burn(p == 0 ? 2'000'000 : 100'000); });
-  const std::int64_t first = crew.pool.beyond_ns();
-  EXPECT_LT(first, 1'000'000);  // the caller was the longest
-  crew.pool.for_parts(3, [&](int p) { burn(p == 2 ? 3'000'000 : 500'000); });
-  EXPECT_GE(crew.pool.beyond_ns() - first, 2'400'000);
+  const auto beyond = [&](int longest, std::int64_t long_ns, std::int64_t short_ns) {
+    const std::int64_t before = crew.pool.beyond_ns();
+    crew.pool.for_parts(3, [&](int p) { burn(p == longest ? long_ns : short_ns); });
+    return crew.pool.beyond_ns() - before;
+  };
+  // An interrupt is counted to whom it meets: one fork of five has to be undisturbed.
+  std::int64_t of_caller = std::numeric_limits<std::int64_t>::max(), of_worker = 0;
+  for (int n = 0; n < 5; ++n) {
+    of_caller = std::min(of_caller, beyond(0, 2'000'000, 100'000));
+    of_worker = std::max(of_worker, beyond(2, 3'000'000, 500'000));
+  }
+  EXPECT_LT(of_caller, 1'000'000);  // the caller was the longest
+  EXPECT_GE(of_worker, 2'400'000);
 }
 
 TEST(WorkerPool, NobodySpinsBetweenForks) {

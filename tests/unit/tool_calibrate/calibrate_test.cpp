@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -62,7 +63,10 @@ TEST(Calibrate, TellsWhatTheLinkTakesWithTheScenesCodecs) {
   EXPECT_LT(plain.link_share, 1);
   const auto coded = scene({"link.depth_codec=\"moving\"", "link.colour_codec=\"jpeg\""});
   const Calibration c = teletact::with_link(nrt(), *coded, 2, plain);
-  EXPECT_GT(c.link_share, 1.15 * plain.link_share);
+  // Others' load only adds to a share: of two runs of either the one that had less of it.
+  const double once_more = teletact::with_link(nrt(), *coded, 2, plain).link_share;
+  const double plain_again = teletact::with_link(nrt(), *scene(), 2, plain).link_share;
+  EXPECT_GT(std::min(c.link_share, once_more), 1.15 * std::min(plain.link_share, plain_again));
   EXPECT_EQ(c.rows.size(), plain.rows.size());
   EXPECT_EQ(c.camera_twin_share, plain.camera_twin_share);
   EXPECT_GT(c.find("capture", "", 0)->p50_us, plain.find("capture", "", 0)->p50_us + 1000);

@@ -95,6 +95,22 @@ export class Desk {
 
   async click(p: Vec3): Promise<void> { await this.page.mouse.click(...await this.screen(p)); }
 
+  // A click of Touch is two acts, the press and the release: a late release is not the next click's.
+  // A page that stood still between them lets go, rightly: clicked again.
+  async touch(p: Vec3, acts: () => number | Promise<number>): Promise<void> {
+    let before = 0;
+    let again = 0;
+    await until('press and release', async () => {
+      const now = await acts();
+      if (again > 0 && now >= before + 2) return true;
+      if (Date.now() < again) return false;
+      before = now;
+      await this.click(p);
+      again = Date.now() + 2000;
+      return false;
+    });
+  }
+
   async drag(points: Vec3[]): Promise<void> {
     const { mouse } = this.page;
     await mouse.move(...await this.screen(points[0]!));

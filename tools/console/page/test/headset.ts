@@ -28,31 +28,34 @@ test('a controller marks the floor, and the end of the session stops', async () 
     right.position.set(0.2, 1.4, -0.3);
     right.quaternion.set(-0.5, 0, 0, 0.866);
   }`);
+  // A value of the controllers is taken at the next frame.
+  const seen = async () => {
+    const { frames } = (await desk.figures())!;
+    await until('two frames', async () => (await desk.figures())!.frames >= frames + 2);
+  };
+  const hold = async (button: string, value: number) => {
+    await page.evaluate(`${device}.controllers.right.updateButtonValue('${button}', ${value})`);
+    await seen();
+  };
   const marks = twin.count('mark');
-  await page.waitForTimeout(300);
-  await page.evaluate(`${device}.controllers.right.updateButtonValue('trigger', 1)`);
-  await page.waitForTimeout(400);
-  await page.evaluate(`${device}.controllers.right.updateButtonValue('trigger', 0)`);
+  await seen();
+  await hold('trigger', 1);
+  await hold('trigger', 0);
   await until('the mark', () => twin.count('mark') > marks);
   const points = twin.newest('mark')!.points as number[][];
   assert.ok(Math.abs(points[0]![2]!) < 0.05, `on the floor: ${points[0]!.join()}`);
   // The grip stops, however often; the stick takes the next tool; the label says so.
   const label = () => page.evaluate(() =>
     (window.teletact.figures() as { headset: string }).headset);
-  const press = async (button: string) => {
-    for (const value of [1, 0]) {
-      await page.evaluate(`${device}.controllers.right.updateButtonValue('${button}', ${value})`);
-      await page.waitForTimeout(300);
-    }
-  };
   assert.match(await label(), /^Mark/);
   const grip = twin.stops;
-  await press('squeeze');
+  await hold('squeeze', 1);
+  await hold('squeeze', 0);
   await until('the stop of the grip', () => twin.stops > grip);
   await until('its answer at the controller', async () => (await label()).includes('ramps down'));
   const push = async (x: number) => {
     await page.evaluate(`${device}.controllers.right.updateAxes('thumbstick', ${x}, 0)`);
-    await page.waitForTimeout(300);
+    await seen();
   };
   await push(1);
   await until('the next tool', async () => (await label()).startsWith('Object'));
@@ -70,7 +73,7 @@ test('a controller marks the floor, and the end of the session stops', async () 
   // A second session, with the same controllers: a push is still one tool.
   await page.click('.headset:has-text("VR")', { force: true });
   await until('the session', () => page.evaluate(`!!${device}.activeSession`));
-  await page.waitForTimeout(300);
+  await seen();
   await push(1);
   await push(0);
   await until('one tool further', async () => (await label()).startsWith('Object'));

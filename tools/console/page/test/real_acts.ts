@@ -53,9 +53,7 @@ export async function clicked(thing: Body, points: Vec3[]): Promise<void> {
   for (const p of points) {
     const aimed = entered(thing, await page.evaluate(() => window.teletact.eye()),
       fromBody(thing, p));
-    const before = (await sent('hand')).length;
-    await desk.click(aimed);
-    await until('press and release', async () => (await sent('hand')).length >= before + 2);
+    await desk.touch(aimed, async () => (await sent('hand')).length);
     const touched = (await sent('hand')).pop()!.p as Vec3;
     const off = Math.hypot(...touched.map((v, k) => v - aimed[k]!));
     assert.ok(distanceToSurface(bodies, touched) < clickError && off < clickError,
