@@ -95,7 +95,7 @@ export class Desk {
 
   async click(p: Vec3): Promise<void> { await this.page.mouse.click(...await this.screen(p)); }
 
-  // A click of Touch is two acts, the press and the release: a late release is not the next click's.
+  // A click of Touch is two acts, press and release: a late release is not that of the next click.
   // A page that stood still between them lets go, rightly: clicked again.
   async touch(p: Vec3, acts: () => number | Promise<number>): Promise<void> {
     let before = 0;
