@@ -46,6 +46,7 @@ export class Selecting {
     this.onChange();
     void this.acts.link.act('select', { u, v, sign, new: first }).then(answer => {
       if (answer.ok) {
+        if (!this.clicks.includes(click)) return;  // dropped meanwhile: others' size is not its
         this.size = (answer.result?.size_m as number[] | undefined) ?? null;
         this.scant = !this.size;
         this.onChange();
