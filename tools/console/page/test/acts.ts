@@ -54,6 +54,13 @@ test('a touch goes on while the pointer rests', async () => {
   await until('the end', () => plant.hand === null);
 });
 
+// Outside the room: no camera has looked there.
+test('a touch where the map has no surface says that nothing may be felt', async () => {
+  await desk.touch([2, -2.3, 0], () => twin.count('hand'));
+  await until('the word', async () =>
+    (await desk.page.textContent('#toasts'))!.includes('no surface here yet'));
+});
+
 test('a mark by the pointer: the robot arrives', async () => {
   await desk.tool('Mark');
   await desk.drag([[0.75, -0.3, 0], [0.8, -0.25, 0], [0.85, -0.2, 0]]);

@@ -11,7 +11,7 @@ export interface Aim {
   ray: THREE.Ray;              // in three.js' frame
   point: Vec3 | null;          // on the surface, in the live picture, or on the floor; W
   normal: Vec3;
-  live: boolean;               // by the live picture alone: the surface has nothing there
+  fused: boolean;              // the point is on the surface
   floor: Vec3 | null;          // where the ray meets the floor, whatever stands before it
 }
 
@@ -39,7 +39,7 @@ export class Aimer {
       - inFrontPerSquare * shown.depth ** 2;
     const hit = live ? shown : fused;
     return { ray, floor, point: hit?.point ?? floor, normal: hit?.normal ?? [0, 0, 1],
-      live };
+      fused: !live && fused !== null };
   }
 
   // The height of the surface below a point.

@@ -43,7 +43,7 @@ class TouchTool implements Tool {
     this.began = performance.now();
     this.acts.held.press('hand');
     this.send(aim, true);
-    if (aim.live) this.acts.say('The map has no surface here yet: nothing may be felt.', 'news');
+    if (!aim.fused) this.acts.say('The map has no surface here yet: nothing may be felt.', 'news');
   }
 
   move(aim: Aim): void {
