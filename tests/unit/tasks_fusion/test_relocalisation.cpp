@@ -345,7 +345,7 @@ void compare_lost_with_tracked(Costs& out) {
 // caches: the middle one of three runs counts.
 TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
   std::vector<double> shares;
-  for (int run = 0; run < 3; ++run) {
+  for (int run = 0; run < 5; ++run) {
     Costs c;
     compare_lost_with_tracked(c);
     ASSERT_FALSE(HasFatalFailure());

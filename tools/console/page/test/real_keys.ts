@@ -2,10 +2,11 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  desk, distanceTo, newestEvent, page, pose, sent, slow, standsStill, tabTo, until,
+  desk, distanceTo, newestEvent, page, pose, sent, slow, standsStill, tabTo, toasts, until,
 } from './real_box';
 
 const { keyboard } = page;
+const longestTurn = 15000;  // ms: once round
 
 async function press(key: string, times = 1): Promise<void> {
   for (let i = 0; i < times; ++i) await keyboard.press(key);
@@ -46,6 +47,8 @@ test('a touch by keys', async () => {
   await press('2');
   await press('ArrowDown', 4);
   await until('the hand on a surface', async () => {
+    // Told that the map has no surface there, a person tries beside it.
+    if (/no surface here yet/.test(await toasts())) await press('ArrowRight', 2);
     await keyboard.down('Enter');
     const end = Date.now() + 6000;
     let contact = false;
@@ -85,6 +88,19 @@ test('a region is forgotten by keys, after a yes', async () => {
   await until('the word', async () => await newestEvent(/forgotten/) > told);
 });
 
+// Told to turn the camera to a place that it has seen, a person turns until the box knows where it
+// is. What is driven by hand drops the goal, so it is asked for again.
+async function turnedAsTold(): Promise<void> {
+  const told = async () => /turn the camera/.test((await slow()).held ?? '');
+  const end = Date.now() + longestTurn;
+  while (await told() && Date.now() < end) {
+    console.log('told to turn the camera, and turns');
+    await keyboard.down('q');
+    for (let i = 0; i < 10 && await told(); ++i) await page.waitForTimeout(200);
+    await keyboard.up('q');
+  }
+}
+
 test('to a place by keys: engaged, driven there, held', async () => {
   await press('Escape');
   await answered('go_to', '6', async () => {
@@ -96,6 +112,7 @@ test('to a place by keys: engaged, driven there, held', async () => {
   await until('the way', async () => {
     if (!(await page.textContent('#chips'))!.includes('engaged')) await press('g');
     await page.waitForTimeout(300);
+    await turnedAsTold();
     // Let go by a busy machine, the goal is dropped with the engagement.
     // Where the floor was forgotten too, nothing is planned until it is seen again.
     if (['idle', 'failed'].includes((await slow()).phase as string)) await press('Enter');
