@@ -9,6 +9,8 @@
 #include <regex>
 #include <set>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "tasks/supervision/fault_ids.hpp"
 
@@ -145,6 +147,46 @@ TEST(FaultTable, EveryIdNamedByATaskHasARow) {
     }
   }
   EXPECT_GE(found, 9);
+}
+
+rt::Severity severity_of(const std::string& name) {
+  if (name == "kCounted") return rt::Severity::kCounted;
+  if (name == "kDegraded") return rt::Severity::kDegraded;
+  if (name == "kRampDown") return rt::Severity::kRampDown;
+  if (name == "kSafeStop") return rt::Severity::kSafeStop;
+  ADD_FAILURE() << name;
+  return rt::Severity::kOk;
+}
+
+// Supervision takes the worse of what a task reports and what the row says. A report that is worse
+// than its row does what the page does not say.
+TEST(FaultTable, NoTaskReportsAFaultAsWorseThanItsRowSays) {
+  const std::regex constant(R"(constexpr\s+rt::FaultId\s+(\w+)\s*=\s*(0x[0-9a-fA-F]+|\d+)\s*;)");
+  const std::regex report(R"(Health::of\(\s*(?:rt::)?Severity::(\w+),\s*(?:\w+::)*(k\w+)\s*\))");
+  std::map<std::string, rt::FaultId> ids;
+  std::vector<fs::path> sources;
+  for (const auto& entry :
+       fs::recursive_directory_iterator(fs::path(TELETACT_SOURCE_DIR) / "tasks")) {
+    if (entry.path().extension() != ".hpp" && entry.path().extension() != ".cpp") continue;
+    sources.push_back(entry.path());
+    const std::string text = read(entry.path());
+    for (std::sregex_iterator it(text.begin(), text.end(), constant), last; it != last; ++it)
+      ids[(*it)[1]] = static_cast<rt::FaultId>(std::stoul((*it)[2].str(), nullptr, 0));
+  }
+  int found = 0;
+  for (const auto& path : sources) {
+    const std::string text = read(path);
+    for (std::sregex_iterator it(text.begin(), text.end(), report), last; it != last; ++it) {
+      const auto id = ids.find((*it)[2]);
+      ASSERT_NE(id, ids.end()) << path << ": " << (*it)[0];
+      const int row = tasks::fault_row(id->second);
+      ASSERT_GE(row, 0);
+      EXPECT_LE(severity_of((*it)[1]), kFaultTable[static_cast<std::size_t>(row)].severity)
+          << path << ": " << (*it)[0];
+      ++found;
+    }
+  }
+  EXPECT_GE(found, 25);
 }
 
 }  // namespace
