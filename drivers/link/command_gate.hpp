@@ -6,12 +6,12 @@
 //   reordered     made before a goal that was taken on this connection
 //   out of range  no robot of this stack can mean it (kCommandRange), or it is to be valid too long
 //   from ahead    made later than now, beyond doubt: the clocks, or the sender, are wrong
-//   late          no longer valid, in doubt
+//   late          perhaps no longer valid
 //
 // The first four are refused: the robot's box keeps the goal that it has, and that one expires. A
 // late one is handed on, since what it says of the operator's acts (engage, clear) is newer than
-// what the box knows; it moves nothing (robot_io, F-RIO-03). All are counted, and the counts are
-// sent to the operator's box (CommandReport).
+// what the box knows; it moves nothing (robot_io, F-RIO-03 of docs/faults.md). All are counted, and
+// the counts are sent to the operator's box (CommandReport).
 //
 // Pure; one thread: that of the link.
 #pragma once

@@ -48,6 +48,7 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send, rt::Nano
   }
   if (!hello_ok_) return;
   std::array<std::uint8_t, kMaxControlBody> small{};
+  // What is not bulk goes out together, once in gather_; what is urgent does not wait for it.
   const bool turn = now >= next_turn_;
   if (turn) next_turn_ = std::max(next_turn_ + gather_, now + gather_ / 2);
   if (turn && now >= next_clock_) {

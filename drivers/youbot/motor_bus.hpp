@@ -70,7 +70,8 @@ class MotorBus {
  public:
   virtual ~MotorBus() = default;
   // The first half of a cycle. `states` has a new `seq` if they are of this job, and is untouched
-  // otherwise. kOk: they are. kDown: they are where the bus still tells what the wheels do.
+  // otherwise. With kOk they are of this job. With kDown they are, where the bus still tells what
+  // the wheels do.
   [[nodiscard]] virtual BusStatus sense(rt::Time now, MotorStates& states) noexcept = 0;
   // The second half, not before the first: the setpoints are with the motors when it returns kOk.
   // kFrameLost: they may be or not, and the motors go on with what they have.

@@ -10,11 +10,13 @@
 //                 └═══robot_state══▶ prediction, planning, fusion, supervision
 //     supervision (one on each box) ──mode──▶ haptic, prediction, planning; robot_io
 //
-// Not drawn: camera_pose, surface, objects, odometry_frame, and what the console asks for (edit,
-// act, drive).
+// Not drawn: goal goes to the robot's supervision too (engage, clear); camera_pose, surface,
+// objects, odometry_frame; what the console shows (view, mesh, task) and asks for (edit, act,
+// drive); what the link asks of capture (demand).
 //
 // A process instantiates the rows of its box; an edge that crosses boxes (══) becomes a link
-// endpoint at both ends. Tasks see channels only, never each other.
+// endpoint at both ends. Nodes (tasks/graph) see channels only; tasks see neither them nor each
+// other.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +29,7 @@
 #include "drivers/link/messages.hpp"
 #include "rt/sched/task_spec.hpp"
 
-// Message types of the rows; messages.hpp and fields.hpp hold those of the tasks.
+// Message types of the rows. Those of the tasks: messages.hpp, scene_edit.hpp, operator_act.hpp.
 namespace perception {
 struct RgbdFrame;
 struct SurfacePatch;
@@ -88,10 +90,10 @@ struct TaskRow {
   TaskId id;
   std::string_view name;
   rt::Box box;
-  rt::TaskClass task_class;
+  rt::TaskClass task_class;           // and policy: rt/sched/task_spec.hpp
   std::int64_t rate_hz;
   rt::MissPolicy policy;
-  int miss_limit;                     // leaky bucket; above it the safe output is forced
+  int miss_limit;                     // leaky bucket; above it the safe output is forced; 0: never
   std::array<VariantRow, 4> variants; // level 0 first; an empty name ends the list
   WatchRow watch = {};
   // Place in rt::JobRecord::input_seq of an input that is no Latest: a device's sample, a ring's event.
@@ -153,29 +155,32 @@ struct EdgeRow {
 };
 
 // One reader of an edge, and how old a value it accepts. Judged at the latch by the reader's clock
-// (tasks/graph/limits.hpp).
+// (tasks/graph/limits.hpp). Of patch at haptic and of goal at robot_io a crossing is only logged
+// there; the tasks themselves judge those two.
 //
 //   input     place of the value's sequence number in rt::JobRecord::input_seq, and so in a run's
 //             hash and in a recording. kUnlisted: the reader is an ordinary thread, or the edge a ring
 //   liveness  time since the writer last published. Between boxes: since the last arrival; goal:
 //             since the link was last heard. What is published only on an event (touch, edit,
-//             mesh): since its writer was last known to live
+//             act, mesh): since its writer was last known to live; touch: since its last event,
+//             while a mark is open
 //   age       time since the oldest sensor datum in the value was taken, plus the uncertainty of
-//             that instant. Fused value: since its newest claimed image. Path: since the newest
+//             that instant. Fused value: since its newest fused image. Path: since the newest
 //             image of the map that last let it pass. Goal, mode: since it was made.
 //             kAgeless: a mark or an edit does not age
 //   beyond    what the reader does beyond either limit
 //   holds     how many values the reader keeps at once
 //   may_skip  a job may leave the value unread; it then notes number 0
 //
-// A value that was never published is outside these limits: the reader waits for it. The tasks'
+// A value that was never published is beyond them: the reader waits for it. The tasks'
 // configurations take their defaults from here. A scene may override them by the named keys, or
 // where none is named by limits.<reader>.<edge>_liveness_ms and _age_ms.
 //
 // The ages across the link follow from the largest delay that is allowed: 200 ms one way with 20 ms
 // of jitter. The uncertainty of an instant doubles it, so a state is up to 400 + 40 + 10 (its rate)
-// + 30 (an image before it) ms old, and a goal lives a round trip and 250 ms. How far the base
-// drives meanwhile is bounded by its speed, not by these ages: docs/prediction.md.
+// + 30 ms old (a frame that is being sent goes first), and a goal lives a round trip and 250 ms.
+// How far the base drives meanwhile is bounded by its speed, not by these ages:
+// docs/prediction.md.
 inline constexpr int kAgeless = 0;
 struct Reader {
   TaskId reader;
@@ -229,7 +234,7 @@ inline constexpr std::tuple kEdges{
         {kSurface, "surface", TaskId::kFusion, kLatest, "force_shading only: no contact, force ramps to zero", 5},
         Reader{TaskId::kHaptic, 4, 1000, 1500, "silent: force ramps to zero; old: logged, contact stays"}),
     make_edge<SceneView>(
-        {kView, "view", TaskId::kFusion, kLatest, "shown"},
+        {kView, "view", TaskId::kFusion, kLatest, "the last picture stays"},
         Reader{kConsole, kUnlisted, 2000, 2000, kNamed}),
     make_edge<perception::MeshDelta>(
         {kMesh, "mesh", TaskId::kFusion, kLatest, "if not taken in time: the whole mesh again"},
@@ -248,8 +253,8 @@ inline constexpr std::tuple kEdges{
         Reader{TaskId::kPlanning, 4, 1000, 1000, "the goal stays where it is"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<HapticState>(
-        {kHand, "hand", TaskId::kHaptic, kLatest, "window stays", 0},
-        Reader{TaskId::kFusion, 1, 50, 100, "the window stays"},
+        {kHand, "hand", TaskId::kHaptic, kLatest, "the patch stays where it is", 0},
+        Reader{TaskId::kFusion, 1, 50, 100, "the patch stays where it is"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<TouchEvent>(
         {kTouch, "touch", TaskId::kHaptic, kRing, "when full: newest dropped, gap flag, open mark dropped", 1, {}, 256},
@@ -262,13 +267,13 @@ inline constexpr std::tuple kEdges{
         Reader{TaskId::kPlanning, kUnlisted, 2000, kAgeless, "logged; the goal stays"}),
     make_edge<DriveIntent>(
         {kDrive, "drive", kConsole, kLatest, "nobody drives by hand", kUnlisted},
-        Reader{TaskId::kPrediction, 4, 200, 200, "the base halts; a new press is needed"}),
+        Reader{TaskId::kPrediction, 4, 200, 200, "not driven by hand until a new press; without a path the base halts"}),
     make_edge<Path>(
         {kPath, "path", TaskId::kPlanning, kLatest, "last path holds", 0},
         Reader{TaskId::kPrediction, 1, 1000, 10000, "goals are not engaged"},
         Reader{kConsole, kUnlisted, 1000, 10000, kNamed}),
     make_edge<TaskState>(
-        {kTask, "task", TaskId::kPlanning, kLatest, "shown"},
+        {kTask, "task", TaskId::kPlanning, kLatest, "the last phase stays on show"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<ModeMsg>(
         {kMode, "mode", TaskId::kSupervision, kLatest, "not engaged", 0},

@@ -67,6 +67,8 @@ void send_commands(EdgeCells<rt::Box::kOperator>& cells, drivers::LinkEndpoint& 
         if (!newest) return 0;
         *told = stopped();
         if (!*told) return drivers::encode(*newest, out);
+        // The robot's supervision reads operator_engaged, and leaves the engaged mode. robot_io
+        // does not read this one where it has the goal of that number already.
         drivers::RobotGoal goal = *newest;
         goal.engaged = goal.operator_engaged = 0;
         return drivers::encode(goal, out);

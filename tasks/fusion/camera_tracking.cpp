@@ -16,10 +16,10 @@ using perception::TrackingResult;
 using perception::TrackingState;
 
 // chosen on: moving 101 (116, 125, 245, 246); judged on: moving 303, kidnaps of Relocalisation.*
-// Of the readings of a frame that is lost: where so many fit the map by themselves, it is not.
+// Share of the readings: where so many fit the map by themselves, a frame that seemed lost is not.
 constexpr double kLeastKept = 0.5;
 
-// A surface between two nodes is known to half of their distance before it was seen often.
+// Until it was seen often, where a surface lies between two nodes is known to half a voxel.
 perception::TrackerConfig of_map(perception::TrackerConfig tracker,
                                  const perception::TsdfConfig& map) noexcept {
   tracker.map_error_m = 0.5 * map.voxel_size_m;
@@ -105,7 +105,8 @@ void CameraTracking::find_movers(Job& job) noexcept {
 void CameraTracking::align_by_what_stands(Job& job, bool by_majority) noexcept {
   if (by_majority) tracker_.drop(watch_->misfits(), watch_->level());
   align(job, by_majority ? job.m.X_WC : job.prior.X_WC);
-  // Along what the scene does not constrain odometry holds, and no majority of noise.
+  // In a direction that the scene does not constrain, a majority of the points is noise: start from
+  // the odometry again.
   if (by_majority && job.r.state != TrackingState::kLost && job.trusted &&
       job.r.degenerate_count > 0) {
     job.work += job.r.work;
@@ -113,9 +114,9 @@ void CameraTracking::align_by_what_stands(Job& job, bool by_majority) noexcept {
   }
 }
 
-// Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry
-// the camera. Not where the scene leaves a direction open and odometry holds there: as long as it
-// does hold.
+// Has a moving thing that the mask has missed carried the pose along? Weighed by their noise, its
+// readings can do that. It is not asked where the scene leaves a direction open and odometry keeps
+// the pose there (`open`).
 bool CameraTracking::carried(const Job& job) noexcept {
   const TrackingResult& r = job.r;
   const auto open = [&] {
@@ -155,8 +156,8 @@ void CameraTracking::align_without_strangers(Job& job) noexcept {
 }
 
 // What moves is masked: it carves and is not fused, so the field alone would say so late or never.
-// Half of the readings about the proxy; one far in front of it hides the place and says nothing of
-// it.
+// Here: do half of the readings about the proxy move? A reading far in front of the proxy hides the
+// place and is not counted.
 bool CameraTracking::touched_moves(const HapticState& hand, const Pose& X_WC) const noexcept {
   constexpr double kAbout_vox = 2, kHides_m = 0.25;
   if (!masked_ || hand.contacts == 0 || !hand.p_WP.allFinite()) return false;

@@ -10,8 +10,8 @@ namespace {
 
 constexpr int kMeshPatience = 10;  // messages' time that an answer may take
 
-// Of each of `parts`. Tiles of the cast are 4 rays high: a part that ends with one casts the rays
-// of a cast in one piece.
+// Rows of each of `parts`: a multiple of 4, the height of a tile of the ray cast, so that the parts
+// cast the same rays as one cast of the whole view.
 int view_rows(int height, int parts) noexcept {
   const int n = std::max(1, parts);
   return ((height + n - 1) / n + 3) / 4 * 4;
@@ -35,7 +35,7 @@ void PatchWriter::write(const FusionScene& scene, const HapticState& hand,
   Stage stage(scene.stages, &FusionProfile::patch);
   const Vec3 centre =
       hand.p_WH + config_.window_lead_periods * rt::seconds(setup_.period) * hand.v_WH;
-  // Before the haptic task ran, and for a hand that is not finite, the window stays where it was.
+  // Before the haptic task ran, and for a hand that is not finite, the patch stays where it was.
   if (hand.seq > 0 && centre.allFinite()) {
     centre_W_ = centre;
     hand_known_ = true;

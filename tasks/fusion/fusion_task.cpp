@@ -51,7 +51,7 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       prior_(config_, setup.X_BC),
       tracking_(nrt, config_, setup.camera),
       search_(nrt, config_, setup.camera, tracking_),
-      scene_(nrt, config_, setup, stages_),
+      keeper_(nrt, config_, setup, stages_),
       patch_(nrt, config_, setup_),
       view_(nrt, config_, setup.camera),
       cost_map_(config.cost_map_period) {
@@ -61,11 +61,11 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
   if (setup.robot != nullptr)
     body_.emplace(nrt, config.body, *setup.robot, config.tracker, setup.X_BC, setup.camera);
   if (setup.ray_cast) surface_.emplace(nrt, setup.camera, config.surface_periods);
-  if (config.mesh_blocks > 0) mesh_.emplace(nrt, config_, scene_.map());
+  if (config.mesh_blocks > 0) mesh_.emplace(nrt, config_, keeper_.map());
 }
 
 rt::Result<bool> FusionTask::load_map(rt::NonRealtime& nrt, const perception::MapFile& file) {
-  perception::TsdfMap& map = scene_.map();
+  perception::TsdfMap& map = keeper_.map();
   auto ok = perception::restore_map(nrt, file, map, search_.keyframes());
   if (!ok) return ok;
   for (std::uint8_t label = 1; label <= perception::kMostLabel; ++label) map.forget_label(label);
@@ -85,16 +85,16 @@ rt::Health FusionTask::begin_step(const rt::Tick& tick, const In& in, Out& out) 
   prior_.remember(in.odometry);
   if (objects_) {
     objects_->begin(in.hand);
-    objects_->edit(scene_.map(), in.given, in.drop_object);
+    objects_->edit(keeper_.map(), in.given, in.drop_object);
   }
   if (in.virtual_obstacles_changed)
-    static_cast<void>(scene_.ground().set_virtual(in.virtual_obstacles));
-  if (in.clear_W) scene_.clear(*in.clear_W);
-  scene_.clear_some(out);
+    static_cast<void>(keeper_.ground().set_virtual(in.virtual_obstacles));
+  if (in.clear_W) keeper_.clear(*in.clear_W);
+  keeper_.clear_some(out);
   rt::Health health = rt::Health::ok();
   if (in.frame != nullptr && in.frame_fresh) health = consume(tick, in, out);
   write_outputs(tick, in, out);
-  out.work += scene_.ground().take_work();
+  out.work += keeper_.ground().take_work();
   return health;
 }
 
@@ -130,7 +130,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const In& in, Out& out) noe
   if (objects_) follow_objects(frame, out);
   if (learns && r.fully_constrained) search_.remember(frame, camera_.X_WC);
   consumed_ = &knobs;
-  scene_.see_ground(tracking_, camera_, r, learns);
+  keeper_.see_ground(tracking_, camera_, r, learns);
   page(out);
   write_camera(out);
   return health_of(out);
@@ -140,8 +140,8 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const In& in, Out& out) noe
 // stays as the search target; what was found is tracked next.
 void FusionTask::prepare_next(const FusionLevel& knobs, Out& out) noexcept {
   if (out.tracking.state != TrackingState::kLost || search_.confirming())
-    scene_.cast_model(tracking_, camera_.X_WC, knobs.pixel_step, out);
-  scene_.keep_in_place(tracking_, camera_.X_WC, search_.lost(), out);
+    keeper_.cast_model(tracking_, camera_.X_WC, knobs.pixel_step, out);
+  keeper_.keep_in_place(tracking_, camera_.X_WC, search_.lost(), out);
 }
 
 // Segmenting a marked object costs about as much as fine tracking: that frame tracks one level
@@ -153,7 +153,8 @@ const FusionLevel& FusionTask::knobs_at(int level) const noexcept {
 }
 
 // The robot's own body, before anything looks at the image. False: it is not known where the body
-// is in it.
+// is in it. Its joint angles travel in the frame. in.held is for an arm that grasps: no node of
+// this stack sets it.
 bool FusionTask::see_body(const In& in, Out& out) noexcept {
   if (!body_) return true;
   Stage stage(stages_, &Profile::prepare);
@@ -164,7 +165,7 @@ bool FusionTask::see_body(const In& in, Out& out) noexcept {
   if (!camera_.started) return true;
   if (const auto box_W = body_->take_grasp_W(camera_.X_WC)) grasp_W_ = box_W;
   if (grasp_W_ && !clearing()) {
-    scene_.clear(*grasp_W_);
+    keeper_.clear(*grasp_W_);
     grasp_W_.reset();
   }
   return true;
@@ -195,13 +196,13 @@ bool FusionTask::locate(const RgbdFrame& frame, const FusionLevel& knobs, Out& o
   const bool was_lost = search_.lost();
   bool found_again = false;
   if (was_lost) {
-    search_.recover(scene_.map(),
-                    {frame, prior, knobs, scene_.model(), camera_.X_WC, prior_.has_odometry()}, r);
+    search_.recover(keeper_.map(),
+                    {frame, prior, knobs, keeper_.model(), camera_.X_WC, prior_.has_odometry()}, r);
     found_again = !search_.lost();
   } else {
-    tracking_.track(scene_.map(), scene_.model(), prior, knobs, r, out.motion);
+    tracking_.track(keeper_.map(), keeper_.model(), prior, knobs, r, out.motion);
     search_.doubt_leap(frame, prior, r);
-    if (r.fully_constrained && r.claimed && !tracking_.masked()) r.X_WC = scene_.held(r.X_WC);
+    if (r.fully_constrained && r.claimed && !tracking_.masked()) r.X_WC = keeper_.held(r.X_WC);
   }
   search_.watch_for_loss(r);
   out.work += r.work + search_.take_work();
@@ -228,12 +229,12 @@ void FusionTask::learn(const RgbdFrame& frame, const FusionLevel& knobs, Out& ou
   seen.follow = patch_.hand_known();
   seen.follow_W = {patch_.centre_W() - Vec3::Constant(kUnderHand_m),
                    patch_.centre_W() + Vec3::Constant(kUnderHand_m)};
-  scene_.learn(seen, knobs.allocate_step, camera_, out);
+  keeper_.learn(seen, knobs.allocate_step, camera_, out);
 }
 
 void FusionTask::follow_objects(const RgbdFrame& frame, Out& out) noexcept {
   Stage stage(stages_, &Profile::objects);
-  objects_->follow(view_of(frame), scene_.map(), camera_.X_WC,
+  objects_->follow(view_of(frame), keeper_.map(), camera_.X_WC,
                    view_.due(camera_.started, periods_, out), out);
 }
 
@@ -242,7 +243,7 @@ void FusionTask::follow_objects(const RgbdFrame& frame, Out& out) noexcept {
 void FusionTask::page(Out& out) noexcept {
   if (search_.lost()) return;
   const std::array<Vec3, 2> anchors_W{camera_.X_WC.translation(), patch_.centre_W()};
-  scene_.page(std::span(anchors_W).first(patch_.hand_known() ? 2 : 1), out);
+  keeper_.page(std::span(anchors_W).first(patch_.hand_known() ? 2 : 1), out);
 }
 
 void FusionTask::write_camera(Out& out) noexcept {
@@ -261,7 +262,7 @@ void FusionTask::write_camera(Out& out) noexcept {
 void FusionTask::write_outputs(const rt::Tick& tick, const In& in, Out& out) noexcept {
   const FusionScene scene = scene_of(tick);
   if (objects_) objects_->write(camera_.seen, out);
-  cost_map_.write(scene, scene_.ground(), out);
+  cost_map_.write(scene, keeper_.ground(), out);
   patch_.write(scene, in.hand, out);
   if (surface_) write_surface(tick, out);
 }
@@ -269,12 +270,13 @@ void FusionTask::write_outputs(const rt::Tick& tick, const In& in, Out& out) noe
 void FusionTask::end_step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   if (consumed_ != nullptr) prepare_next(*consumed_, out);
   const FusionScene scene = scene_of(tick);
+  // in.X_WV: of who wants a view from elsewhere; no node of this stack sets it.
   view_.write(scene, in.X_WV, body_.has_value(), out);
   if (mesh_) mesh_->write(scene, in.mesh_taken, out);
 }
 
 FusionScene FusionTask::scene_of(const rt::Tick& tick) noexcept {
-  return {tick,   periods_, scene_.map(), camera_, tracking_, objects_ ? &*objects_ : nullptr,
+  return {tick,   periods_, keeper_.map(), camera_, tracking_, objects_ ? &*objects_ : nullptr,
           stages_};
 }
 
@@ -286,7 +288,7 @@ void FusionTask::write_surface(const rt::Tick& tick, Out& out) noexcept {
   Stage stage(stages_, &Profile::surface);
   const double reach_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
   if (surface_->begins()) out.surface->exposure = camera_.fused;  // of the oldest rows
-  const auto stats = surface_->cast(scene_.map(), reach_m, *stages_.crew, *out.surface);
+  const auto stats = surface_->cast(keeper_.map(), reach_m, *stages_.crew, *out.surface);
   out.work += static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
   if (stats.rays == 0 || !surface_->begins()) return;
   out.surface->fused = tick.start;

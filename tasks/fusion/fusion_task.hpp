@@ -3,7 +3,7 @@
 //   reads    Latest<RgbdFrame>     from the link      a frame it has not seen, or none
 //            Latest<HapticState>   from tasks/haptic  where the window follows the hand
 //            Latest<RobotState>    from the link      odometry: motion prior of the tracking
-//            Ring<SceneEdit>       from the console   regions to forget, obstacles to draw
+//            Ring<SceneEdit>       from the console   regions to forget, obstacles to draw, objects
 //   writes   Latest<SurfacePatch>  to tasks/haptic    every period, even without a new image
 //            Latest<SurfacePoints> to tasks/haptic    where asked for: each surface_periods-th
 //            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
@@ -13,9 +13,9 @@
 //            Latest<MeshDelta>     to console         where asked for: each mesh_period_frames-th
 //   budget   25 ms of the 33.3 ms period at level 0
 //
-// One frame: filter -> pyramid -> track -> integrate -> cost map; then always: patch copy. With it
-// published, the rest: ray cast for the next track; sometimes: view, mesh. Only claimed
-// frames are integrated (perception/icp).
+// One frame: own body -> pyramid -> track -> integrate -> floor. Then, with or without a frame:
+// cost map, patch copy. Once they are published: ray cast for the next track; sometimes view, mesh.
+// Only claimed frames are integrated (perception/icp).
 // The first usable frame defines the map: it is integrated at the initial pose.
 //
 // A map of another day (load_map) is where the camera is looked for: lost until it is found there.
@@ -86,7 +86,7 @@ class FusionTask {
     return MapKeeper::clearable(box_W);
   }
   // Some of the last region is still to be cleared: the next one is to wait.
-  [[nodiscard]] bool clearing() const noexcept { return scene_.clearing(); }
+  [[nodiscard]] bool clearing() const noexcept { return keeper_.clearing(); }
 
   // One cycle. No throw, lock, allocation or I/O.
   [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept {
@@ -104,16 +104,16 @@ class FusionTask {
   void use(rt::ForkJoin& crew) noexcept {
     stages_.crew = &crew;
     tracking_.use(crew);
-    scene_.map().use(crew);
+    keeper_.map().use(crew);
   }
   // The stages' times are then those of the way through: the caller's CPU, and where another member
   // took longer, its CPU.
   void profile(bool on) noexcept {
     stages_.profiling = on;
-    scene_.map().profile(on);
+    keeper_.map().profile(on);
   }
   [[nodiscard]] const Profile& last_profile() const noexcept { return stages_.times; }
-  [[nodiscard]] const perception::TsdfMap& map() const noexcept { return scene_.map(); }
+  [[nodiscard]] const perception::TsdfMap& map() const noexcept { return keeper_.map(); }
   [[nodiscard]] const perception::Keyframes& keyframes() const noexcept {
     return search_.keyframes();
   }
@@ -126,7 +126,7 @@ class FusionTask {
   [[nodiscard]] const perception::ObjectMap* objects() const noexcept {
     return objects_ ? &objects_->map() : nullptr;
   }
-  [[nodiscard]] const perception::GroundMap& ground() const noexcept { return scene_.ground(); }
+  [[nodiscard]] const perception::GroundMap& ground() const noexcept { return keeper_.ground(); }
   [[nodiscard]] const FusionConfig& config() const noexcept { return config_; }
   [[nodiscard]] std::uint64_t frames() const noexcept { return camera_.frames; }
   [[nodiscard]] std::uint64_t frames_claimed() const noexcept { return camera_.frames_claimed; }
@@ -165,7 +165,7 @@ class FusionTask {
   PosePredictor prior_;
   CameraTracking tracking_;
   CameraSearch search_;
-  MapKeeper scene_;
+  MapKeeper keeper_;
   std::optional<FusionBody> body_;  // none: a robot without an arm
   std::optional<Eigen::AlignedBox3d>
       grasp_W_;                           // where a thing lay that was taken up, to be cleared

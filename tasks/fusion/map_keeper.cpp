@@ -45,7 +45,8 @@ void MapKeeper::cast_model(const CameraTracking& tracking, const Pose& X_WC, int
   o.max_depth_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
   o.crew = stages_.crew;
   o.smooth_normals = false;  // the sums average; smoothing over voxels would round the corners
-  // Live points of the next frame meet what this one sees; elsewhere nothing looks at the model.
+  // Rays only where this frame has depth: the next frame's points meet the model there, and nothing
+  // reads it elsewhere.
   const auto& depth = tracking.pyramid().level(0).depth;
   o.hint_depth_m = {depth.row(0), depth.width(), depth.height(), depth.stride()};
   o.hinted_only = true;

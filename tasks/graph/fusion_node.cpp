@@ -14,7 +14,7 @@ namespace {
 template <EdgeId E>
 inline constexpr std::integral_constant<EdgeId, E> kOut{};
 
-// The ray cast of the published method is made where somebody reads it.
+// The ray cast that haptic.method = "force_shading" (the paper's) needs is made only for it.
 FusionSetup as_touched(FusionSetup setup, const HapticConfig& haptic) {
   setup.ray_cast = haptic.asks_for_ray_cast();
   return setup;
@@ -142,7 +142,7 @@ void FusionNode::end_step(const rt::Tick& tick, rt::JobRecord& record) noexcept 
 
 void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   rt::Hash64 h;
-  // What a gate lets out is hashed as it went out.
+  // Hashed as it was published: a planned fault may have changed it (tasks/edges/edge_faults.hpp).
   const auto send = [&]<EdgeId E>(std::integral_constant<EdgeId, E>, auto& slot) {
     if (cells_.publish<E>(tick.start) && hash_) hash_output(h, slot);
   };
@@ -158,8 +158,8 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.objects_written) rt::effect_ran(rt::Effect::kObjects);
   if (out_.objects_written) send(kOut<EdgeId::kObjects>, *out_.objects);
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
-  // Haptic waits for the patch, so it goes out first. All that tasks read is published before
-  // end_step(): a recording has one end time for a job, and its readers read at that time.
+  // The patch went out first, for haptic looks for it each millisecond. Nothing that a task reads
+  // waits for the ray cast of end_step().
   end_step(tick, record);
   if (out_.view_written) send(kOut<EdgeId::kView>, *out_.view);
   if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);

@@ -44,8 +44,8 @@ void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     in_.view_yaw_rad.reset();
   else if (camera->claimed)
     in_.view_yaw_rad = yaw_of_view(camera->X_WC.linear());
-  // A box that holds because of a fault stays limp until the next engage: force does not come back
-  // by a timeout.
+  // A hold that a ramp down led to has its cause. The hand stays limp until the next engage: force
+  // does not come back by a timeout.
   if (in_.mode.mode == Mode::kHold && in_.mode.cause != rt::kNoFault)
     in_.mode.mode = Mode::kRampDown;
   record.input_seq[sensed_input(TaskId::kHaptic)] = in_.stylus.seq;

@@ -78,7 +78,7 @@ void RobotIoNode::log_bus(const rt::Tick& tick) noexcept {
 
 rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   health_ = task_.step(tick, in_, out_);
-  // The base ramps down; the operator's box is not told of a mode that nobody has entered.
+  // What supervision said last, not the ramp down that latch() may have put in its place.
   out_.state.mode = static_cast<std::uint8_t>(heard_);
   record.work = 1;
   return health_;
@@ -86,7 +86,8 @@ rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexce
 
 void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.rearm_motors) bus_.rearm();
-  // On the virtual clock a job ends when its cost says; on the real one no stamp is taken for it.
+  // The bus is told from when on the setpoints act. On the virtual clock that is the job's end. On
+  // the real clock the end is not known yet (0), and the start is told.
   sent_ = bus_.act(std::max(tick.start, rt::time_from_ns(record.end_ns)), out_.setpoints);
   sent_detail_ = bus_.detail();
   log_bus(tick);

@@ -144,7 +144,8 @@ RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConf
 
 void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   latch_health(cells_, kRobotWatched, in_, record);
-  // robot_io samples the emergency stop in each job and reports it as its own fault.
+  // robot_io samples the emergency stop in each job. A press is its own fault, in its health; here
+  // only how old the sample is counts.
   for (std::size_t i = 0; estop_fitted_ && i < kRobotWatched.size(); ++i) {
     if (kRobotWatched[i].id != TaskId::kRobotIo) continue;
     in_.estop_fitted = in_.tasks[i].heard;
@@ -159,7 +160,8 @@ void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) no
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
   in_.link_session = link_.session.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
-  // Of long ago, while the line is live: as if there were none. A silent line is the task's matter.
+  // While the line is live, a goal that is too old counts as no goal. A silent line is judged by
+  // the task.
   const bool old =
       goal && heard != 0 &&
       !limits_.of<EdgeId::kGoal>().within(tick.start, in_.link_last, goal->made, goal.unsure) &&

@@ -27,7 +27,8 @@ double HapticTask::take_time(const rt::Tick& tick) noexcept {
   return std::clamp(since, 0.1 * period_s_, 0.1);
 }
 
-// What the blend that begins has of the surface under the hand; the hand may be let go.
+// How far the surface under the hand rises in the blend that begins. Where it goes away from under
+// the hand instead, the hand may be let go (SurfaceLeft).
 double HapticTask::look_ahead_m() noexcept {
   const Vec3 hand_W = to_world(hand_.p_D());
   return left_.look_ahead_m(
@@ -50,7 +51,8 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   const double stiffness = effects_.stiffness_N_per_m();
   const double rise_N = blend_.blending() ? stiffness * look_ahead_m() / config_.scale : 0.0;
   blend_.begin(rise_N, (books_.elastic_D().norm() + 0.5 * rise_N) * rise_N / stiffness);
-  // A fade is one event, as long as it takes.
+  // The energy observer (energy.hpp) counts by events, and a patch begins one. A fade is one event,
+  // however many patches come in it.
   const double gain = gain_.value();
   if (gain <= 0 || gain >= 1) books_.begin_event();
   return false;
@@ -88,7 +90,8 @@ void HapticTask::end_leaving() noexcept {
   gain_.let_go();
 }
 
-// Forces off at once; what is remembered of the surface stays, and the next enable fades in.
+// Forces off at once, and the next enable fades in. The proxy stays, but not on a surface that is
+// leaving.
 void HapticTask::safe(Out& out) noexcept {
   out.telemetry.step_N = guard_.f_D().norm();
   if (left_.leaving()) end_leaving();
@@ -98,8 +101,8 @@ void HapticTask::safe(Out& out) noexcept {
   out.force.f_H_D = Vec3::Zero();
 }
 
-// No sample: the last force is held for its liveness, unless the mode has put it off; then forces
-// are off and the hand is new again.
+// No sample: the last force is held for the device's liveness, unless the mode has put it off.
+// After that forces are off, and the next sample is taken as the first of a hand.
 rt::Health HapticTask::without_sample(const rt::Tick& tick, const ModeMsg& mode,
                                       Out& out) noexcept {
   if (puts_off(mode)) safe(out);
@@ -172,7 +175,8 @@ void HapticTask::observe(const rt::Tick& tick, const In& in, const Vec3& p_WH, b
   }
 }
 
-// Spring and effects -> force limit -> the books -> passivity -> guard.
+// Spring and effects, faded -> force limit -> the books -> passivity, force limit -> guard (which
+// ends with the force limit).
 template <bool kEffects>
 void HapticTask::render(const In& in, const Spring& spring, const Motion& motion,
                         Out& out) noexcept {

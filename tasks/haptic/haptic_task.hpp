@@ -16,7 +16,8 @@
 //   field            SurfaceBlend   two patches, blended over one fusion period, a step of the
 //                                   surface over 1.46
 //   proxy            Contact        SurfaceLeft while the surface goes from under the hand
-//   spring           SurfaceEffects
+//   spring           from hand to proxy; SurfaceEffects where friction, texture or materials are
+//                    asked for
 //   fade and ramps   ForceGain
 //   force limit
 //   energy           EnergyBooks    observer and passivity controller

@@ -19,9 +19,9 @@ constexpr double kStep_N_per_s = 130, kGoesOn = 0.25;
 constexpr double kStepMost_J = 0.05;  // derived: the budget of an event (energy.hpp)
 
 // A step's blend lasts so many periods: at 30 Hz it is felt whole within 50 ms of its publication.
-// It is quick at its ends, as near to the slew guard's 300 N/s as it can be without meeting it, and
-// slow between: this much of the way. A hand that yields meanwhile takes less energy, the least
-// where it is quick at the ends alone.
+// It is quick at its ends (kStepQuick_N_per_s), as near to the slew guard's 300 N/s as it can be
+// without meeting it, and slow between, where it goes the share kStepBetween of the way. Of all
+// blends as long, one that is quick at its ends alone gives the least energy to a hand that yields.
 // chosen on: stability 12, 20; judged on: nothing else
 constexpr double kStepPeriods = 1.46;
 constexpr double kStepQuick_N_per_s = 270, kStepBetween = 0.06;

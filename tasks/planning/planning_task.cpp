@@ -106,7 +106,8 @@ void PlanningTask::pursue(const Goal& goal, Out& out) noexcept {
   out.flags |= kMarkTaken;
 }
 
-// Of acts and marks of the hand the later one is pursued. The hand's numbers are below kOfAct.
+// Of acts and marks of the hand the later one is pursued; of those of one job, the act. The hand's
+// numbers are below kOfAct.
 rt::Health PlanningTask::take_act(const OperatorAct& act, Out& out) noexcept {
   constexpr std::uint64_t kOfAct = 1ULL << 62U;
   if (!act.p_W.allFinite() || !act.normal_W.allFinite() || !std::isfinite(act.yaw_rad))
@@ -280,7 +281,8 @@ PlanningTask::Holds PlanningTask::path_holds(const Ground& ground, const CostMap
   for (int i = ahead; i + 1 < p.size; ++i) {
     const Point2 a = at(i), b = at(i + 1);
     bool clear = edge_clear(map, a, b);
-    // Floor under and around the base may be unseen at the start; it stays passable while it is.
+    // Floor under and around the base may be unseen at the start. It stays passable until it is
+    // seen.
     if (!clear && i < state_.escape_points) {
       clear = edge_clear_or_unknown(map, a, b, CostMap::kInscribed);
     }
@@ -389,7 +391,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
 }
 
 // A stop withdraws path, goal and an open mark. A silence from which the engagement may resume is
-// none, unless it ends without resuming.
+// no stop, unless it ends without resuming.
 void PlanningTask::stop_if_asked(const In& in, Out& out) noexcept {
   using Phase = TaskState::Phase;
   const bool pauses = in.mode.seq != 0 && in.mode.resumes && in.mode.mode != Mode::kSafeStop;

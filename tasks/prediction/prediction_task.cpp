@@ -145,9 +145,9 @@ void PredictionTask::write_frame(Out& out) noexcept {
   if (world_.claimed_t() >= 0) f.claimed = epoch_ + rt::nanos_from_seconds(world_.claimed_t());
 }
 
-// Whether the robot state is young enough to drive on, and has been for a while: at the limit
-// itself the base would start and stop with every job. A single lateness after a long time without
-// one is no such limit (a lost packet), so the while is short. Else `frame` says why not.
+// Whether the robot state is young enough to drive on, and has been for a while. Without the while
+// the base would start and stop with every job where the age is close to the limit. It is short
+// after a single late state (a lost packet). If not, `frame` says why.
 bool PredictionTask::in_time(const rt::Tick& tick, const In& in, OdometryFrame& frame) noexcept {
   using std::chrono::milliseconds;
   const rt::Nanos age = std::max(tick.start - state_.taken, rt::Nanos{0}) + in.robot_unsure;

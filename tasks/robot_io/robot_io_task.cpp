@@ -44,20 +44,20 @@ RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
 Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.rearm_motors = false;
   Health health = rt::worst(safety_.step(in.safety, in.mode), sense_bus(tick, in));
-  health = rt::worst(health, accept_goal(tick, in));
+  health = rt::worst(health, accept_goal(in));
 
   last_mode_ = in.mode != nullptr ? in.mode->mode : Mode::kInit;
   if (last_mode_ == Mode::kSafeStop && in.mode->clear) let_go(out);
   health = until_seen(health);
 
-  const Drive drive = decide(tick, in, out, health);
+  const Drive drive = decide(tick, in, health);
   out.safety = safety_.show(tick, in.safety, in.mode, bus_.is_down());
   if (drive == Drive::kOff) {
     powered_ = false;
     off_until_ = tick.start;
   } else if (!powered_) {
     start_motors(in, out);
-    write_state(tick, in, drive, health, out);
+    write_state(tick, in, health, out);
     return health;
   }
   const double period = rt::seconds(tick.period);
@@ -98,7 +98,7 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
   v_commanded_ = {c * v_O.x + s * v_O.y, -s * v_O.x + c * v_O.y, v_O.yaw};
   write_setpoints(drive, dt, out);
-  write_state(tick, in, drive, health, out);
+  write_state(tick, in, health, out);
   return health;
 }
 
@@ -167,7 +167,7 @@ Health RobotIoTask::until_seen(Health health) noexcept {
   return rt::worst(health, unseen_stop_);
 }
 
-Health RobotIoTask::accept_goal(const rt::Tick&, const In& in) noexcept {
+Health RobotIoTask::accept_goal(const In& in) noexcept {
   if (in.goal == nullptr || (have_goal_ && in.goal->seq == goal_.seq)) return Health::ok();
   if (!usable(*in.goal)) {
     if (refused_seq_ != in.goal->seq || telemetry_.goals_refused == 0) ++telemetry_.goals_refused;
@@ -180,14 +180,15 @@ Health RobotIoTask::accept_goal(const rt::Tick&, const In& in) noexcept {
   return Health::ok();
 }
 
-RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
+RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in,
                                        Health& health) noexcept {
   telemetry_.goal_distance_m = 0;
   if (health.severity == Severity::kSafeStop || !odometry_.primed()) return Drive::kOff;
   // What the wheels do now has to be known before they are given speeds.
   const bool heard = in.bus == drivers::BusStatus::kOk && in.sent == drivers::BusStatus::kOk;
   if (!powered_ && !heard) return Drive::kOff;
-  // They take none yet: the first one that counts shall be of what they do then.
+  // While the motors are re-armed they take no setpoints. The first one after it is what they do
+  // then.
   if (in.bus_detail.trouble == drivers::BusTrouble::kRearming) return Drive::kOff;
   switch (last_mode_) {
     case Mode::kInit:
@@ -199,12 +200,14 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
     case Mode::kEngaged:
       break;
   }
-  if (health.severity == Severity::kRampDown) return Drive::kRampDown;  // the enable switch
+  // A fault of this job, as of the enable switch.
+  if (health.severity == Severity::kRampDown) return Drive::kRampDown;
   if (!in.link_heard || in.link_closed ||
       tick.start - in.link_heard_at > std::chrono::milliseconds{config_.link_silence_ms}) {
     health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kLinkSilent));
     return Drive::kRampDown;
   }
+  // A goal from before the motors were on again does not move them.
   if (!have_goal_ || goal_.engaged == 0 || goal_.made <= off_until_ + in.goal_unsure)
     return Drive::kHalt;
   if (tick.start + in.goal_unsure > goal_.valid_until) {
@@ -238,15 +241,16 @@ void RobotIoTask::write_setpoints(Drive drive, double dt, Out& out) noexcept {
   }
 }
 
-// RobotState::pauses. Heard again: within the silence that takes the box out of its mode, which is
-// twice that at which the base ramps down.
+// RobotState::pauses: 0, no silence has interrupted this box; 1, it has, and lasts; 2, the link is
+// heard again. Silent: for twice as long as what makes the base ramp down; by default that is
+// supervision.link_liveness_s.
 std::uint8_t RobotIoTask::pauses(const rt::Tick& tick, const In& in) const noexcept {
   if (in.mode == nullptr || !in.mode->resumes) return 0;
   const auto silence = 2 * std::chrono::milliseconds{config_.link_silence_ms};
   return !in.link_heard || in.link_closed || tick.start - in.link_heard_at > silence ? 1 : 2;
 }
 
-void RobotIoTask::write_state(const rt::Tick& tick, const In& in, Drive, Health health,
+void RobotIoTask::write_state(const rt::Tick& tick, const In& in, Health health,
                               Out& out) noexcept {
   const Pose2& p = odometry_.pose();
   drivers::RobotState& s = out.state;

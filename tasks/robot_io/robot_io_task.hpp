@@ -123,11 +123,11 @@ class RobotIoTask {
   void let_go(Out&) noexcept;
   [[nodiscard]] rt::Health until_seen(rt::Health) noexcept;
   void start_motors(const In&, Out&) noexcept;
-  [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
-  [[nodiscard]] rt::Health accept_goal(const rt::Tick&, const In&) noexcept;
+  [[nodiscard]] Drive decide(const rt::Tick&, const In&, rt::Health&) noexcept;
+  [[nodiscard]] rt::Health accept_goal(const In&) noexcept;
   void write_setpoints(Drive, double dt, Out&) noexcept;
   [[nodiscard]] std::uint8_t pauses(const rt::Tick&, const In&) const noexcept;
-  void write_state(const rt::Tick&, const In&, Drive, rt::Health, Out&) noexcept;
+  void write_state(const rt::Tick&, const In&, rt::Health, Out&) noexcept;
 
   RobotIoConfig config_;
   drivers::Mecanum kinematics_;

@@ -20,7 +20,7 @@ namespace tasks {
   return state_old ? std::min(heard, now - 2 * liveness) : heard;
 }
 
-// What of a goal is the operator's.
+// The operator's acts that a goal carries.
 struct GoalAsks {
   int engaged = 0;  // RobotGoal::operator_engaged
   bool clear = false;

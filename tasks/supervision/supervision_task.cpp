@@ -35,8 +35,7 @@ SupervisionTask::SupervisionTask(rt::NonRealtime&, const SupervisionConfig& conf
   }
 }
 
-// ---- conditions of one tick
-// ----------------------------------------------------------------------
+// ---- conditions of one tick ---------------------------------------------------------------------
 
 void SupervisionTask::raise(Conditions& c, rt::FaultId id, Severity reported) noexcept {
   int row = fault_row(id);
@@ -85,8 +84,9 @@ void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const no
   if (in.link_refused) raise(c, kFaultLinkRefused, Severity::kOk);
   if (in.link_heard && !live) raise(c, kFaultLinkSilent, Severity::kOk);
   const bool moving = mode_ == Mode::kEngaged || mode_ == Mode::kRampDown;
-  // Two boxes that each waited for the other to leave its safe stop would wait for ever: it
-  // forces this box only out of motion.
+  // A safe stop of the other box is one of this box, but only in motion: two boxes that each waited
+  // for the other to leave its safe stop would wait for ever. The robot's box hears of no safe stop
+  // of the operator's (peer_rules.hpp).
   if (live && moving && in.peer_mode == Mode::kSafeStop) {
     raise(c, kFaultPeerStopped, Severity::kOk);
   }
@@ -140,8 +140,7 @@ bool SupervisionTask::link_changed(const In& in) noexcept {
   return changed && in.link_expected;
 }
 
-// ---- a silence that a held engage survives
-// ---------------------------------------------------------
+// ---- a silence that a held engage survives ------------------------------------------------------
 
 // The other box says that a silence has interrupted it, and still does.
 bool SupervisionTask::peer_pauses(const In& in) const noexcept {
@@ -149,8 +148,8 @@ bool SupervisionTask::peer_pauses(const In& in) const noexcept {
                                  : in.peer_pause == Pause::kSilent;
 }
 
-// Of all that calls for a ramp down or more, only the silence is there: this box's, or that of
-// which the other box says that it has paused.
+// Is the silence of the link all that calls for a ramp down or more? `paused`: the other box says
+// that the silence has interrupted it; then that it has left the engaged mode counts as silence.
 bool SupervisionTask::silence_alone(const Conditions& c, bool paused) noexcept {
   for (std::size_t i = 0; i < kFaultCount; ++i) {
     const rt::FaultId id = kFaultTable[i].id;
@@ -171,7 +170,7 @@ void SupervisionTask::keep_resuming(rt::Time now, const In& in, const Conditions
     resumes_ = true;
     quiet_from_ = in.link_last;
   }
-  // While it lasts the robot's box knows the newest goal only: neither yes nor no is no release.
+  // During the silence the robot's box has only the last goal. Only a "no" in it is a release.
   const bool let_go = in.requests.engage == Engage::kNo;
   const rt::Nanos silence = std::max(now - in.link_last, in.link_last - quiet_from_);
   // The robot waited for the operator's box, and has given up.
@@ -189,12 +188,11 @@ bool SupervisionTask::may_resume(rt::Time now, const In& in,
          may_engage(now, in, worst);
 }
 
-// ---- acts
-// ----------------------------------------------------------------------------------------
+// ---- acts ---------------------------------------------------------------------------------------
 
-// True in the tick in which an engage is pressed. The act, or what follows it, may fall into a
-// silence: then the robot's box hears nothing in time, or of a pause, between "no" and "yes". Both
-// are still what the person did, if the silence is one that an engagement survives.
+// True in the tick in which an engage is pressed: after a "no" comes a "yes". The press may fall
+// into a silence of the link. The robot's box then hears nothing, or "paused", between the "no" and
+// the "yes". They still count as a press, if an engagement would have survived that silence.
 bool SupervisionTask::take_engage(rt::Time now, const In& in, const Conditions& c,
                                   bool changed) noexcept {
   const bool robot = box_ == rt::Box::kRobot;

@@ -90,7 +90,9 @@ class SupervisionTask {
     rt::Time peer_mode_at{};          // when it was so, in this box's time; operator box
     Pause peer_pause = Pause::kNone;  // operator box
     bool estop_fitted = false;
-    bool estop_closed = true;  // false: pressed or wire broken
+    // false: pressed or wire broken. For an input of supervision's own: the nodes of this stack
+    // leave it, for robot_io samples the emergency stop and reports a press as its own fault.
+    bool estop_closed = true;
     rt::Time estop_sampled{};
     bool watchdog_bit = false;  // the executor's watchdog has made something safe
     Requests requests;

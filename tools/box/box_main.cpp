@@ -116,8 +116,8 @@ void attend_page(BoxRunner& runner, OperatorSide& side) {
 void attend_page(BoxRunner&, RobotSide&) {}
 
 template <class Side>
-int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
-            const BoxPlan& plan) {
+int run_side(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+             const BoxPlan& plan) {
   BoxOptions box_options;
   const auto clock = plan.clock_of(Side::kBox);
   box_options.epoch = clock.from_host(plan.epoch_host_ns);
@@ -191,12 +191,12 @@ void check_room(const BoxPlan& plan, std::optional<rt::Box> box) {
 
 int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                          const BoxPlan& plan) {
-  return with_errors("operator", [&] { return run_box<OperatorSide>(nrt, scene, options, plan); });
+  return with_errors("operator", [&] { return run_side<OperatorSide>(nrt, scene, options, plan); });
 }
 
 int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                       const BoxPlan& plan) {
-  return with_errors("robot", [&] { return run_box<RobotSide>(nrt, scene, options, plan); });
+  return with_errors("robot", [&] { return run_side<RobotSide>(nrt, scene, options, plan); });
 }
 
 }  // namespace teletact
