@@ -245,6 +245,11 @@ FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConf
     depth_decoder.emplace(nrt, c);
 }
 
+void FrameCodecScratch::restart() noexcept {
+  if (depth_encoder) depth_encoder->restart();
+  colour_key_due = true;
+}
+
 FrameStatus encode(const RgbdFrame& frame, rt::Box box, bool with_colour,
                    FrameCodecScratch& scratch, EncodedFrame& out,
                    const FrameDemand& demand) noexcept {

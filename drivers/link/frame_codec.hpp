@@ -25,6 +25,8 @@ struct FrameCodecScratch {
   // camera: all frames are of its size, where a codec needs its previous frame.
   FrameCodecScratch(rt::NonRealtime&, const ColourCodecConfig& jpeg, const PictureConfig& pictures,
                     const perception::Intrinsics& camera, CodecEnd end);
+  // An encoded frame was lost on this side: the next one is a key.
+  void restart() noexcept;
 
   std::optional<DepthEncoder> depth_encoder;
   std::optional<DepthDecoder> depth_decoder;

@@ -45,4 +45,6 @@ rt::Health CaptureTask::step(const rt::Tick& tick, const In& in, Out& out) noexc
   return rt::Health::ok();
 }
 
+void CaptureTask::lost() noexcept { scratch_.restart(); }
+
 }  // namespace tasks

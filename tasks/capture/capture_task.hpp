@@ -69,6 +69,8 @@ class CaptureTask {
               const perception::Intrinsics& camera = {});
 
   [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  // What the last step() encoded was not published: the next frame is a key.
+  void lost() noexcept;
   [[nodiscard]] const Stats& stats() const noexcept { return stats_; }
 
  private:

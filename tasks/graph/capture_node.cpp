@@ -51,4 +51,8 @@ void CaptureNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   log_level(*cells_.logs, TaskId::kCapture, tick, logged_level_);
 }
 
+void CaptureNode::abandon(const rt::Tick&) noexcept {
+  if (out_.written) task_.lost();
+}
+
 }  // namespace tasks

@@ -15,6 +15,7 @@ class CaptureNode final : public rt::TaskBody {
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void abandon(const rt::Tick& tick) noexcept override;
   [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override {
     return twin_cpu_ ? twin_cpu_() : 0;
   }

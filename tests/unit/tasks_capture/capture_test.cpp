@@ -182,6 +182,14 @@ TEST_F(OnDemand, ADemandIsAnsweredOnceByTheNewestFrame) {
   EXPECT_EQ(task.stats().unasked, 2U);
 }
 
+TEST_F(OnDemand, WhatWasNotPublishedIsFollowedByAKey) {
+  ASSERT_TRUE(step(1, true, 1, 0));
+  ASSERT_TRUE(step(2, true, 2, 1));
+  task.lost();
+  ASSERT_TRUE(step(3, true, 2, 1));
+  EXPECT_FALSE(slot->needs_previous);
+}
+
 TEST_F(OnDemand, AFrameOfAnotherSizeIsCountedAndNotEncoded) {
   frame->intrinsics.width = 30;
   frame->seq = 1;
