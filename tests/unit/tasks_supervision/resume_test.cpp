@@ -221,7 +221,7 @@ TEST(SupervisionResume, APauseEngagesNobody) {
     s.in.link_closed = false;
   };
   const auto fault = [](Story& s) {
-    s.in.tasks[0].health = rt::Health::of(Severity::kRampDown, 101);
+    s.in.tasks[0].health = rt::Health::of(Severity::kRampDown, 103);
     s.run(10ms);
     s.in.tasks[0].health = rt::Health::ok();
   };
