@@ -3,9 +3,9 @@
 the link line of `teletact`.
 
 Read from build.ninja: the objects of the program, those of every library that it is linked with,
-and the source of each. A piece that compiles several sources as one (Unity) counts as all of them.
-So what a library would only pull in if something called it is seen too: the link map can hold no
-more than this.
+and the source of each. A piece that compiles several sources as one (tools/cmake/compile.cmake)
+counts as all of them. So what a library would only pull in if something called it is seen too: the
+link map can hold no more than this.
 
 usage: check_link.py BUILD [PROGRAM]     PROGRAM as build.ninja calls it, `teletact` if not given
        check_link.py --self-test BUILD   also: of `teletact-measure` the sources are seen
@@ -55,7 +55,7 @@ def sources(build, program):
         if "COMPILER" in rule:
             for source in inputs:
                 path = build / source
-                unity = "/Unity/" in source and path.is_file()
+                unity = "/together/" in source and path.is_file()
                 found.update(INCLUDED.findall(path.read_text()) if unity else [source])
         elif "LINKER" in rule or rule == "phony":
             todo += inputs
@@ -82,7 +82,7 @@ def cases():
     yield main + (f"build teletact: {link} m.o $\n    | l.a\nbuild l.a: {ar} l.o | k$ k.a\n"
                   f"build k$ k.a | k.so: {ar} k.o\nbuild k.o: {cxx} /r/tests/k.cpp | p.gch\n"
                   f"build l.o: {cxx} /r/rt/l.cpp\n"), ["tests/k.cpp"]
-    yield main + f"build teletact: {link} m.o u.o\nbuild u.o: {cxx} a/Unity/unity_0_cxx.cxx\n", [
+    yield main + f"build teletact: {link} m.o u.o\nbuild u.o: {cxx} a/together/unity_0_cxx.cxx\n", [
         "tools/measure/u.cpp"]
     yield f"build teletact: {link} m.o\n", None
     yield "build other: phony\n", None
@@ -93,8 +93,8 @@ def self_test(root, build):
     for text, named in cases():
         with tempfile.TemporaryDirectory() as folder:
             here = pathlib.Path(folder)
-            (here / "a/Unity").mkdir(parents=True)
-            (here / "a/Unity/unity_0_cxx.cxx").write_text(
+            (here / "a/together").mkdir(parents=True)
+            (here / "a/together/unity_0_cxx.cxx").write_text(
                 '#include "/r/rt/a.cpp"\n#include "/r/tools/measure/u.cpp"\n')
             (here / "build.ninja").write_text(text)
             said = check("/r", here, "teletact")

@@ -14,9 +14,9 @@ Not seen: enumerators of an enum without class, names that a macro makes, header
 libraries, and what tools/cpp_shape.py does not see.
 
 A library is what one folder holds, and the folders in it that PARTS of its CMakeLists.txt names.
-Folders below one whose CMakeLists.txt says `set(CMAKE_UNITY_BUILD OFF)` are never compiled
-together, nor is a file with SKIP_UNITY_BUILD_INCLUSION or one that Highway compiles for several
-instruction sets.
+Folders below one whose CMakeLists.txt says `GROUPS` come together otherwise
+(tools/unity_groups.py). A file with SKIP_UNITY_BUILD_INCLUSION, or one that Highway compiles for
+several instruction sets, stays alone.
 
 usage: tools/check_unity.py [--self-test]     exit 1 where there is an offence
 """
@@ -106,7 +106,7 @@ def libraries(texts):
             parts.update({f"{whole}/{part}": whole for part in words.split()})
         for words in ALONE.findall(text):
             alone.update(f"{folder}/{word}" for word in words.split())
-        if "set(CMAKE_UNITY_BUILD OFF)" in text:
+        if " GROUPS" in text:
             apart.add(folder + "/")
     return {path: parts.get(folder, folder) for path, text in texts.items()
             for folder in [path.rpartition("/")[0]]
@@ -178,7 +178,7 @@ def cases():
     yield tree, ["teletact::kMost: own name of rt/a/a.cpp:3, name of rt/a/c/b.cpp:3 too"]
     alone = "set_source_files_properties(a/b.cpp PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)\n"
     yield {"rt/CMakeLists.txt": alone, **pair(most, most)[0]}, []
-    yield {"rt/CMakeLists.txt": "set(CMAKE_UNITY_BUILD OFF)", **pair(most, most)[0]}, []
+    yield {"rt/CMakeLists.txt": "teletact_compile(a GROUPS)", **pair(most, most)[0]}, []
     yield pair(most, '#include "hwy/highway.h"\n' + most)
     # Headers.
     yield {"rt/a/a.cpp": most, "rt/a/a-inl.hpp": most}, ["teletact::kMost: "]

@@ -32,14 +32,31 @@ install_packages() {
   DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends -o DPkg::Lock::Timeout=300 "${missing[@]}"
 }
 
-# build PRESET [TARGET]: all of it, or one target
+# configure PRESET [ARGUMENT...]: with CMake's arguments
+configure() {
+  local preset=$1
+  mkdir -p "$root/build"
+  (cd "$root" && cmake --preset "$@" >"$root/build/.configure-$preset.log" 2>&1) || {
+    cat "$root/build/.configure-$preset.log" >&2
+    return 1
+  }
+}
+
+# build PRESET [TARGET...]: all of it, or these targets
 build() {
   local preset=$1
   shift
   [ $# -gt 0 ] || set -- all
-  (cd "$root" && cmake --preset "$preset" >"$root/build/.configure-$preset.log" 2>&1) || {
-    cat "$root/build/.configure-$preset.log" >&2
-    return 1
-  }
-  cmake --build "$root/build/$preset" -j "$(nproc)" --target "$@"
+  NINJA_STATUS='[%f/%t, %es] ' cmake --build "$root/build/$preset" -j "$(nproc)" --target "$@"
+}
+
+# The program and its tests share one tree, build/release. tools/run needs no test package, so a
+# tree without tests stays one; a tree with them keeps them, or what is built of them would be
+# forgotten.
+configure_program() {
+  if [ -e "$root/build/release/CMakeCache.txt" ]; then
+    configure release
+  else
+    configure release -DTELETACT_BUILD_TESTS=OFF
+  fi
 }

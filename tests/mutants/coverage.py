@@ -3,7 +3,7 @@
 
 usage: tests/mutants/coverage.py TREE [BUILD]
 
-TREE/build/test (or BUILD) was configured with -O1 --coverage and its tests have been run. A line
+TREE/build/release (or BUILD) was configured with -O1 --coverage and its tests have been run. A line
 counts once, and as run if any program ran it. gcov's own JSON is read: gcovr 5.2 gives up on a
 static function whose name occurs in two files that are compiled together.
 """
@@ -53,7 +53,7 @@ def main():
         print(__doc__.strip())
         return 0 if '--help' in sys.argv else 2
     tree = os.path.realpath(sys.argv[1])
-    notes = objects_of(sys.argv[2] if len(sys.argv) == 3 else tree + '/build/test')
+    notes = objects_of(sys.argv[2] if len(sys.argv) == 3 else tree + '/build/release')
     if not notes:
         print(f'{tree}: no object of a coverage build', file=sys.stderr)
         return 2

@@ -2,7 +2,7 @@
 """Seeded mutants: which small errors of the code does the suite see?
 
     git worktree add --detach /tmp/mutants HEAD
-    cmake -S /tmp/mutants --preset test
+    cmake -S /tmp/mutants --preset release
     tests/mutants/mutants.py /tmp/mutants --out result.json
 
 Each mutant is one operator of one condition or returned value, changed. All are in one build, and
@@ -166,7 +166,7 @@ def options():
     p = argparse.ArgumentParser(description=__doc__,
                                 formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("tree", type=os.path.abspath)
-    p.add_argument("--build", type=os.path.abspath, help="default: TREE/build/test")
+    p.add_argument("--build", type=os.path.abspath, help="default: TREE/build/release")
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--count", type=int, default=40, help="of all rooms together")
     p.add_argument("--rooms", nargs="*", default=ROOMS)
@@ -178,7 +178,7 @@ def options():
     p.add_argument("--jobs", type=int, default=2)
     p.add_argument("--out", required=True, help="JSON of all mutants and what became of them")
     a = p.parse_args()
-    a.build = a.build or os.path.join(a.tree, "build/test")
+    a.build = a.build or os.path.join(a.tree, "build/release")
     return a
 
 

@@ -8,11 +8,12 @@
 
 #include "config/schema.hpp"
 #include "drivers/world/world.hpp"
+#include "tests/support/paths.hpp"
 
 namespace test_support {
 
 [[nodiscard]] inline std::string scene_path(const std::string& scene) {
-  return std::string(TELETACT_SOURCE_DIR) + "/config/scenes/" + scene;
+  return tests::in_tree("config/scenes/") + scene;
 }
 
 [[nodiscard]] inline std::string world_tables(const std::string& scene) {

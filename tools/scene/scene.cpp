@@ -250,7 +250,7 @@ std::string find_config(const std::string& folder, const std::string& name) {
       n > 0 ? fs::path(std::string(self, static_cast<std::size_t>(n))).parent_path()
             : fs::path(".");
   const std::array<fs::path, 3> roots{program / "../share/teletact/config",
-                                      program / "../../config", fs::path(kSourceConfig)};
+                                      program / "../../config", fs::path(kSourceFolder) / "config"};
   for (const auto& root : roots) {
     if (fs::exists(root / folder / file)) return fs::canonical(root / folder / file).string();
   }

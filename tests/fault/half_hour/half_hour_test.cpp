@@ -12,6 +12,7 @@
 #include "demo_process.hpp"
 #include "rt/store/run_store.hpp"
 #include "tests/fault/two_boxes/boxes.hpp"
+#include "tests/support/paths.hpp"
 
 namespace {
 
@@ -39,7 +40,7 @@ void make_report_again(const fs::path& raw) {
   const fs::path out = raw.parent_path().string() + "-again";
   rusage before{}, after{};
   ::getrusage(RUSAGE_CHILDREN, &before);
-  const std::string command = TELETACT_BINARY_DIR "/teletact report " + raw.string() +
+  const std::string command = tests::in_build("teletact") + " report " + raw.string() +
                               " --report " + out.string() + " > " + out.string() + ".txt 2>&1";
   EXPECT_EQ(std::system(command.c_str()), 0) << std::ifstream(out.string() + ".txt").rdbuf();
   ::getrusage(RUSAGE_CHILDREN, &after);

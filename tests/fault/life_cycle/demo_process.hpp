@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "rt/time.hpp"
+#include "tests/support/paths.hpp"
 #include "tools/host/run_results.hpp"
 
 namespace life_cycle {
@@ -25,14 +26,14 @@ class DemoProcess {
     folder_ = fs::temp_directory_path() / ("teletact-life-" + std::to_string(::getpid()) + name);
     fs::remove_all(folder_);
     fs::create_directories(folder_);
-    std::vector<std::string> words{TELETACT_BINARY_DIR "/teletact",
+    std::vector<std::string> words{tests::in_build("teletact"),
                                    "demo",
                                    "--clock",
                                    "real",
                                    "--seconds",
                                    std::to_string(seconds),
                                    "--calibration",
-                                   TELETACT_SOURCE_DIR "/config/limits/reference_costs.toml",
+                                   tests::in_tree("config/limits/reference_costs.toml"),
                                    "--quiet",
                                    "--report",
                                    folder_ / "report"};

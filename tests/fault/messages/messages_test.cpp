@@ -11,6 +11,7 @@
 #include "config/fault_plan.hpp"
 #include "tasks/edges/edge_faults.hpp"
 #include "tests/fault/messages/faulty_run.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/support/whole.hpp"
 
 namespace {
@@ -74,7 +75,7 @@ FaultPlan plan_of(FaultKind kind, const std::string& target) {
 
 TEST(MessagePlans, EveryShippedPlanNamesTasksAndEdgesThatExist) {
   int plans = 0;
-  for (const auto& f : std::filesystem::directory_iterator(TELETACT_SOURCE_DIR "/config/faults")) {
+  for (const auto& f : std::filesystem::directory_iterator(tests::in_tree("config/faults"))) {
     const auto plan = config::load_fault_plan(f.path());
     ASSERT_TRUE(plan) << plan.error();
     const auto good = tasks::check_faults(plan.value());

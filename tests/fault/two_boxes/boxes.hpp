@@ -19,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/paths.hpp"
 #include "tools/box/box_status.hpp"
 
 namespace two_boxes {
@@ -71,17 +72,15 @@ class BoxProgram {
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
 
   void start() {
-    std::vector<std::string> words{TELETACT_BINARY_DIR "/teletact", box_};
+    std::vector<std::string> words{tests::in_build("teletact"), box_};
     if (keys_.empty())
       words.emplace_back("--plain");
     else
       words.insert(words.end(), {"--keys", keys_.string()});
     words.insert(words.end(), road_.begin(), road_.end());
-    for (const char* w :
-         {"--calibration", TELETACT_SOURCE_DIR "/config/limits/reference_costs.toml", "--set",
-          "operator.re_engage_after_s=0", "--report"})
-      words.emplace_back(w);
-    words.push_back(report_);
+    words.insert(words.end(),
+                 {"--calibration", tests::in_tree("config/limits/reference_costs.toml"), "--set",
+                  "operator.re_engage_after_s=0", "--report", report_});
     ++starts_;
     pid_ = ::fork();
     if (pid_ != 0) return;
@@ -172,7 +171,7 @@ struct Boxes {
   }
   fs::path lab() const { return folder / "lab"; }
   void keys(const std::string& words) const {
-    const std::string command = TELETACT_BINARY_DIR "/teletact keys " + words + " --folder " +
+    const std::string command = tests::in_build("teletact") + " keys " + words + " --folder " +
                                 lab().string() + " > " + (folder / "keys.txt").string();
     EXPECT_EQ(std::system(command.c_str()), 0) << read_file(folder / "keys.txt");
   }

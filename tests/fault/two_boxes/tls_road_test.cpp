@@ -6,6 +6,7 @@
 #include "rt/clock/box_time.hpp"
 #include "tests/fault/two_boxes/boxes.hpp"
 #include "tests/fault/two_boxes/proxy.hpp"
+#include "tests/support/paths.hpp"
 #include "tools/host/run_results.hpp"
 
 namespace {
@@ -68,7 +69,7 @@ bool holds(Boxes& b) {
 
 Ending story(Boxes& b, Proxy& road, std::vector<Fault>& faults) {
   b.use_keys();
-  const std::string scene = TELETACT_SOURCE_DIR "/config/scenes/rounds.toml";
+  const std::string scene = tests::in_tree("config/scenes/rounds.toml");
   b.robot.go_by({"--listen", b.place(), "--scene", scene});
   b.op.go_by({"--robot-address", "127.0.0.1:" + std::to_string(road.port()), "--scene", scene});
   b.robot.start();

@@ -11,6 +11,7 @@
 
 #include "rt/quantile.hpp"
 #include "tests/fault/two_boxes/boxes.hpp"
+#include "tests/support/paths.hpp"
 #include "tools/host/run_results.hpp"
 
 namespace {
@@ -93,7 +94,7 @@ Ending story(const std::string& name, bool operator_first, bool robot_dials) {
     return b.ending;
 
   const std::string status =
-      TELETACT_BINARY_DIR "/teletact status > " + (b.folder / "status.txt").string();
+      tests::in_build("teletact") + " status > " + (b.folder / "status.txt").string();
   EXPECT_EQ(std::system(status.c_str()), 0);
   const std::string text = read_file(b.folder / "status.txt");
   EXPECT_NE(text.find("connections               2\n"), std::string::npos) << text;

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "rt/quantile.hpp"
+#include "tests/support/paths.hpp"
 #include "tools/measure/bench/callgrind.hpp"
 #include "tools/measure/haptic/bench_haptic.hpp"
 #include "tools/measure/stability/gates.hpp"
@@ -21,7 +22,7 @@ namespace {
 TEST(HapticTick, CountsAreWithinTheirLimits) {
   teletact::HapticBenchOptions options;
   options.passes = 1;
-  options.programs = TELETACT_BINARY_DIR;
+  options.programs = tests::in_build();
   const auto r = teletact::bench_haptic(std::cout, options);
   r.print(std::cout);
   ASSERT_EQ(r.not_counted, "");
@@ -128,7 +129,7 @@ TEST(HapticTick, SamplesBoundTheInstructionsOfATick) {
   for (const bool noise : {false, true}) {
     const Recorded run = corner_of_a_room((folder / "corner.run").string(), noise);
     const auto each = teletact::tick_instructions(
-        TELETACT_BINARY_DIR, run.path, static_cast<long>(run.work.size()), folder.string());
+        tests::in_build(), run.path, static_cast<long>(run.work.size()), folder.string());
     ASSERT_EQ(each.size(), run.work.size());
     std::vector<double> contact;
     double of_bound = 0, of_sample = 0;

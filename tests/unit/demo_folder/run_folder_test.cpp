@@ -1,6 +1,7 @@
 // REPORT/raw: the files of an earlier run are replaced, and nothing that a user has put there is
 // lost.
 #include "tools/host/run_folder.hpp"
+#include "tests/support/paths.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -179,7 +180,7 @@ TEST_F(RunFolder, IsMadeWhereThereIsNone) {
 }
 
 std::pair<int, std::string> demo(const std::string& words) {
-  const std::string command = TELETACT_BINARY_DIR "/teletact demo --quiet " + words + " 2>&1";
+  const std::string command = tests::in_build("teletact") + " demo --quiet " + words + " 2>&1";
   std::FILE* pipe = ::popen(command.c_str(), "r");
   std::string text;
   char part[4096];

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tests/support/paths.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
 #include "tools/record/recording_writer.hpp"
 #include "tools/record/scenes.hpp"
@@ -52,9 +53,9 @@ struct Outcome {
 // The program itself, on the virtual clock.
 Outcome demo(const Folder& folder, const std::string& rgbd, const std::string& more = "") {
   const std::string json = folder / "figures.json";
-  const std::string words = std::string(TELETACT_BINARY_DIR "/teletact demo --clock virtual") +
-                            " --rgbd " + rgbd + " --report " + (folder / "report") + " --json " +
-                            json + " " + more + " 2>&1";
+  const std::string words = tests::in_build("teletact") + " demo --clock virtual" + " --rgbd " +
+                            rgbd + " --report " + (folder / "report") + " --json " + json + " " +
+                            more + " 2>&1";
   Outcome out;
   std::FILE* pipe = ::popen(words.c_str(), "r");
   char part[4096];

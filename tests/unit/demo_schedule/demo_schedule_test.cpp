@@ -14,6 +14,7 @@
 #include "config/fault_plan.hpp"
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/support/schedule_compare.hpp"
 #include "tools/host/calibrate.hpp"
 #include "tools/host/run_options.hpp"
@@ -139,7 +140,7 @@ std::string compare(Product& product, const std::string& plan_file, double secon
 
 std::set<fs::path> shipped_plans() {
   std::set<fs::path> files;
-  for (const auto& f : fs::directory_iterator(fs::path(TELETACT_SOURCE_DIR) / "config/faults")) {
+  for (const auto& f : fs::directory_iterator(tests::in_tree("config/faults"))) {
     if (f.path().extension() == ".toml") files.insert(f.path());
   }
   return files;

@@ -10,6 +10,7 @@
 #include "drivers/camera/synthetic_camera.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
@@ -32,7 +33,7 @@ constexpr double kDeg = std::numbers::pi / 180;
 rt::Time seconds(double s) { return rt::Time{rt::nanos_from_seconds(s)}; }
 
 perception::RobotDescription youbot() {
-  auto r = perception::load_robot(std::string(TELETACT_SOURCE_DIR) + "/config/robots/youbot.toml");
+  auto r = perception::load_robot(tests::in_tree("config/robots/youbot.toml"));
   if (!r) throw std::runtime_error(r.error());
   return std::move(r).value();
 }

@@ -11,6 +11,7 @@
 #include "drivers/camera/recorded_camera.hpp"
 #include "perception/geometry/no_colour.hpp"
 #include "rt/memory/section.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 #include "tests/unit/drivers_camera/tum_folder.hpp"
@@ -274,9 +275,7 @@ TEST(Replay, ABadImageStopsTheConstructor) {
 
 // ---- the real recording ----------------------------------------------------------------------
 
-std::string kitchen() {
-  return std::string(TELETACT_SOURCE_DIR) + "/../shared/data/rgbd/7scenes_redkitchen";
-}
+std::string kitchen() { return tests::in_tree("../shared/data/rgbd/7scenes_redkitchen"); }
 
 TEST(RealRecording, OpensAndReads) {
   if (!std::filesystem::exists(kitchen())) GTEST_SKIP() << kitchen() << " is not there";

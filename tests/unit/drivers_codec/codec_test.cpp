@@ -18,6 +18,7 @@
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
 #include "tasks/contract/table.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 #include "tools/measure/support/rt_guard.hpp"
@@ -570,8 +571,7 @@ TEST(Codec, CostFitsTheBudgetOfCapture) {
 }
 
 TEST(Codec, RealFramesAreLossless) {
-  const std::string kitchen =
-      std::string(TELETACT_SOURCE_DIR) + "/../shared/data/rgbd/7scenes_redkitchen";
+  const std::string kitchen = tests::in_tree("../shared/data/rgbd/7scenes_redkitchen");
   if (!std::filesystem::exists(kitchen)) GTEST_SKIP() << kitchen << " is not there";
   const auto s = drivers::TumSequence::open(kitchen, {.register_colour = true, .to_512x424 = true});
   ASSERT_TRUE(s.has_value()) << s.error();

@@ -10,6 +10,7 @@
 
 #include "drivers/omega/omega_device.hpp"
 #include "drivers/omega/twin_sdk/twin_control.hpp"
+#include "tests/support/paths.hpp"
 
 namespace twin_rig {
 
@@ -19,7 +20,7 @@ using drivers::OmegaConfig;
 using drivers::OmegaDevice;
 using perception::Vec3;
 
-inline const std::string kTwinLibrary = TELETACT_BINARY_DIR "/libteletact_omega_twin.so";
+inline const std::string kTwinLibrary = tests::in_build("libteletact_omega_twin.so");
 
 // A device without friction, quantum and hand, so that what is seen is what was put in.
 inline const std::string kIdeal =

@@ -5,6 +5,7 @@
 
 #include "drivers/youbot_bus/twin/loaded_motors.hpp"
 #include "drivers/youbot_bus/youbot_setup.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/unit/drivers_youbot_bus/bus_rig.hpp"
 
 namespace tests {
@@ -33,8 +34,7 @@ TEST(MotorEffects, WhatTheFileDoesNotNameIsNotBuilt) {
   EXPECT_EQ(one.i2t->rated_A.joint[4], 5);
   EXPECT_EQ(one.i2t->rated_A.wheel, 2.3);
   // The example states the defaults.
-  const auto example =
-      yb::load_motor_effects(std::string(TELETACT_SOURCE_DIR) + "/config/effects/youbot.toml");
+  const auto example = yb::load_motor_effects(tests::in_tree("config/effects/youbot.toml"));
   ASSERT_TRUE(example) << example.error();
   EXPECT_EQ(example.value().names(), "inertia, friction, backlash, gravity, current_limit, i2t");
   EXPECT_EQ(example.value().inertia->load_kg_m2.joint, yb::InertiaEffect{}.load_kg_m2.joint);
@@ -222,8 +222,7 @@ TEST(MotorEffects, ASilentWireStopsAllJointsAtTheBoardsTime) {
 TEST(MotorEffects, HomingFindsTheStopsUnderAllOfThem) {
   yb::YoubotChainConfig c;
   c.end_stops = true;
-  const auto all =
-      yb::load_motor_effects(std::string(TELETACT_SOURCE_DIR) + "/config/effects/youbot.toml");
+  const auto all = yb::load_motor_effects(tests::in_tree("config/effects/youbot.toml"));
   ASSERT_TRUE(all) << all.error();
   c.effects = all.value();
   BusRig rig(c);

@@ -1,5 +1,6 @@
 // A hand on the recorded kitchen, for some seconds, from the corner of a box on; `teletact bench
 // haptic --rgbd DIR` does it for sixty over five places.
+#include "tests/support/paths.hpp"
 #include "tools/measure/haptic/recording_touch.hpp"
 
 #include <gtest/gtest.h>
@@ -11,7 +12,7 @@ namespace {
 
 TEST(RecordingTouch, HoldsForSomeSeconds) {
   teletact::RecordingTouchOptions o;
-  o.rgbd = std::string(TELETACT_SOURCE_DIR) + "/../shared/data/rgbd/7scenes_redkitchen";
+  o.rgbd = tests::in_tree("../shared/data/rgbd/7scenes_redkitchen");
   if (!std::filesystem::exists(o.rgbd + "/depth.txt")) GTEST_SKIP() << "no recording at " << o.rgbd;
   o.seconds = 6;
   o.from_end = true;  // where the boxes are

@@ -10,6 +10,7 @@
 
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
+#include "tests/support/paths.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
 namespace {
@@ -22,7 +23,7 @@ using ::testing::HasSubstr;
 constexpr double kDeg = std::numbers::pi / 180;
 
 RobotDescription youbot() {
-  auto r = perception::load_robot(std::string(TELETACT_SOURCE_DIR) + "/config/robots/youbot.toml");
+  auto r = perception::load_robot(tests::in_tree("config/robots/youbot.toml"));
   if (!r) throw std::runtime_error(r.error());
   return std::move(r).value();
 }

@@ -11,6 +11,7 @@
 #include "perception/body/held_object.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
+#include "tests/support/paths.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
 namespace {
@@ -229,9 +230,7 @@ TEST(BodyMask, TheMarginHoldsADisplacedBody) {
 // ---- the youBot's arm
 
 struct Arm {
-  ArticulatedBody body{
-      perception::load_robot(std::string(TELETACT_SOURCE_DIR) + "/config/robots/youbot.toml")
-          .value()};
+  ArticulatedBody body{perception::load_robot(tests::in_tree("config/robots/youbot.toml")).value()};
   Pose X_CB;
   Arm() {
     Pose X_BC = Pose::Identity();

@@ -10,14 +10,14 @@
 #include "perception/raycast/raycast.hpp"
 #include "perception/tsdf/mesh/mesh.hpp"
 #include "perception/tsdf/patch/patch_copy.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
 namespace tests {
 namespace {
 
 TEST(Recording, FusedKitchenAgreesWithItsFrames) {
-  const std::filesystem::path dir =
-      std::filesystem::path(TELETACT_SOURCE_DIR) / "../shared/data/rgbd/7scenes_redkitchen";
+  const std::filesystem::path dir = tests::in_tree("../shared/data/rgbd/7scenes_redkitchen");
   if (!std::filesystem::exists(dir / "groundtruth.txt")) GTEST_SKIP() << "no recording at " << dir;
   std::vector<std::pair<std::string, Pose>> frames;
   std::ifstream list(dir / "groundtruth.txt");

@@ -9,6 +9,7 @@
 
 #include "config/fault_plan.hpp"
 #include "rt/fault/plan.hpp"
+#include "tests/support/paths.hpp"
 
 namespace {
 
@@ -247,7 +248,7 @@ TEST(FaultPlanFile, BadFilesAreNamed) {
 }
 
 TEST(FaultPlanFile, EveryShippedPlanLoadsAndActs) {
-  const std::filesystem::path folder = std::filesystem::path(TELETACT_SOURCE_DIR) / "config/faults";
+  const std::filesystem::path folder = tests::in_tree("config/faults");
   int plans = 0;
   for (const auto& file : std::filesystem::directory_iterator(folder)) {
     if (file.path().extension() != ".toml") continue;
@@ -268,8 +269,7 @@ TEST(FaultPlanFile, EveryShippedPlanLoadsAndActs) {
 }
 
 TEST(FaultPlanFile, ExtraCpuPlanHasAHundredJobsInTwentySeconds) {
-  const auto plan =
-      config::load_fault_plan(std::string(TELETACT_SOURCE_DIR) + "/config/faults/extra_cpu.toml");
+  const auto plan = config::load_fault_plan(tests::in_tree("config/faults/extra_cpu.toml"));
   ASSERT_TRUE(plan.has_value()) << plan.error();
   int jobs = 0;
   for (std::uint64_t k = 0; k < 20'000; ++k) {

@@ -15,6 +15,7 @@
 #include "rt/fault/planned.hpp"
 #include "rt/random.hpp"
 #include "rt/sched/virtual_executor.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/support/schedule_compare.hpp"
 
 namespace {
@@ -130,7 +131,7 @@ SimConfig design_table() {
 }
 
 TEST(ExecutorAgainstReference, EveryShippedPlan) {
-  const std::filesystem::path folder = std::filesystem::path(TELETACT_SOURCE_DIR) / "config/faults";
+  const std::filesystem::path folder = tests::in_tree("config/faults");
   std::set<std::filesystem::path> files;
   for (const auto& file : std::filesystem::directory_iterator(folder)) {
     if (file.path().extension() == ".toml") files.insert(file.path());

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "tests/support/paths.hpp"
 #include "tools/measure/accuracy/clicks_study.hpp"
 #include "tools/measure/bench/table2/table2.hpp"
 #include "tools/measure/bench/table2/touches.hpp"
@@ -15,7 +16,7 @@
 namespace teletact {
 namespace {
 
-const std::string kData = std::string(TELETACT_SOURCE_DIR) + "/../shared/data";
+const std::string kData = tests::in_tree("../shared/data");
 
 double touch_iou(const char* folder) {
   std::ostringstream silent;

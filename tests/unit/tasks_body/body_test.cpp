@@ -17,6 +17,7 @@
 #include "perception/tsdf/mesh/mesh.hpp"
 #include "rt/memory/section.hpp"
 #include "tasks/fusion/fusion_task.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/support/world_scene.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
@@ -35,7 +36,7 @@ rt::Startup startup;
 rt::Time seconds(double s) { return rt::Time{rt::nanos_from_seconds(s)}; }
 
 std::shared_ptr<const perception::RobotDescription> youbot() {
-  auto r = perception::load_robot(std::string(TELETACT_SOURCE_DIR) + "/config/robots/youbot.toml");
+  auto r = perception::load_robot(tests::in_tree("config/robots/youbot.toml"));
   if (!r) throw std::runtime_error(r.error());
   return std::make_shared<perception::RobotDescription>(std::move(r).value());
 }

@@ -10,11 +10,12 @@
 #include <vector>
 
 #include "perception/geometry/pose.hpp"
+#include "tests/support/paths.hpp"
 
 namespace tests {
 
 inline std::string recording_folder() {
-  return std::string(TELETACT_SOURCE_DIR) + "/../shared/data/rgbd/7scenes_redkitchen";
+  return tests::in_tree("../shared/data/rgbd/7scenes_redkitchen");
 }
 inline bool have_recording() { return std::filesystem::exists(recording_folder() + "/depth.txt"); }
 

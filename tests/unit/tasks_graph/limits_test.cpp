@@ -9,6 +9,7 @@
 #include "tasks/contract/table.hpp"
 #include "tasks/graph/graph_config.hpp"
 #include "tasks/graph/limits.hpp"
+#include "tests/support/paths.hpp"
 
 namespace {
 
@@ -101,7 +102,7 @@ std::string page_tables() {
 TEST(Limits, PageIsTheTable) {
   constexpr const char* kBegin = "<!-- tables: tests/unit/tasks_graph writes them -->\n";
   constexpr const char* kEnd = "<!-- end of tables -->\n";
-  const std::string path = std::string(TELETACT_SOURCE_DIR) + "/docs/architecture.md";
+  const std::string path = tests::in_tree("docs/architecture.md");
   std::ostringstream in;
   in << std::ifstream(path).rdbuf();
   const std::string text = in.str();

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "tasks/supervision/fault_ids.hpp"
+#include "tests/support/paths.hpp"
 
 namespace {
 
@@ -81,7 +82,7 @@ std::string advice_rows() {
 
 // The part of the page between two marks is `wanted`.
 void expect_on_page(std::string_view after, std::string_view before, const std::string& wanted) {
-  const fs::path page = fs::path(TELETACT_SOURCE_DIR) / "docs" / "faults.md";
+  const fs::path page = tests::in_tree("docs/faults.md");
   const std::string text = read(page);
   const auto begin = text.find(after), end = text.find(before);
   ASSERT_NE(begin, std::string::npos);
@@ -133,8 +134,7 @@ TEST(FaultTable, EveryIdNamedByATaskHasARow) {
   const std::regex constant(R"(constexpr\s+rt::FaultId\s+(\w+)\s*=\s*(0x[0-9a-fA-F]+|\d+)\s*;)");
   int found = 0;
   std::map<unsigned long, std::string> owners;
-  for (const auto& entry :
-       fs::recursive_directory_iterator(fs::path(TELETACT_SOURCE_DIR) / "tasks")) {
+  for (const auto& entry : fs::recursive_directory_iterator(tests::in_tree("tasks"))) {
     if (entry.path().extension() != ".hpp") continue;
     const std::string text = read(entry.path());
     for (std::sregex_iterator it(text.begin(), text.end(), constant), last; it != last; ++it) {
@@ -165,8 +165,7 @@ TEST(FaultTable, NoTaskReportsAFaultAsWorseThanItsRowSays) {
   const std::regex report(R"(Health::of\(\s*(?:rt::)?Severity::(\w+),\s*(?:\w+::)*(k\w+)\s*\))");
   std::map<std::string, rt::FaultId> ids;
   std::vector<fs::path> sources;
-  for (const auto& entry :
-       fs::recursive_directory_iterator(fs::path(TELETACT_SOURCE_DIR) / "tasks")) {
+  for (const auto& entry : fs::recursive_directory_iterator(tests::in_tree("tasks"))) {
     if (entry.path().extension() != ".hpp" && entry.path().extension() != ".cpp") continue;
     sources.push_back(entry.path());
     const std::string text = read(entry.path());

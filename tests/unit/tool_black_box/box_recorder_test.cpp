@@ -1,6 +1,7 @@
 // What a stop of the demo leaves, on the virtual clock, and a box recorder by itself. The real
 // clock's: tests/fault/life_cycle.
 #include "tools/record/box_recorder.hpp"
+#include "tests/support/paths.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -29,7 +30,7 @@ struct Folder {
 };
 
 std::pair<int, std::string> run(const std::string& words) {
-  std::FILE* pipe = ::popen((TELETACT_BINARY_DIR "/teletact " + words + " 2>&1").c_str(), "r");
+  std::FILE* pipe = ::popen((tests::in_build("teletact") + " " + words + " 2>&1").c_str(), "r");
   std::string text;
   char part[4096];
   for (std::size_t n = 0; (n = std::fread(part, 1, sizeof part, pipe)) > 0;) text.append(part, n);

@@ -9,12 +9,14 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "tests/support/paths.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
 
 std::pair<int, std::string> run(const std::string& words) {
-  std::FILE* pipe = ::popen((TELETACT_BINARY_DIR "/teletact " + words + " 2>&1").c_str(), "r");
+  std::FILE* pipe = ::popen((tests::in_build("teletact") + " " + words + " 2>&1").c_str(), "r");
   std::string text;
   char part[4096];
   for (std::size_t n = 0; (n = std::fread(part, 1, sizeof part, pipe)) > 0;) text.append(part, n);

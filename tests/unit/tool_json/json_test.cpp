@@ -14,6 +14,7 @@
 #include <sstream>
 
 #include "rt/audit/run_file.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/unit/drivers_camera/tum_folder.hpp"
 
 namespace {
@@ -21,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-const std::string kProgram = TELETACT_BINARY_DIR "/teletact";
+const std::string kProgram = tests::in_build("teletact");
 
 std::string read(const fs::path& path) {
   std::ostringstream out;
@@ -92,7 +93,7 @@ std::regex pattern(const std::string& name) {
 
 std::vector<Documented> documented() {
   std::vector<Documented> all;
-  std::istringstream page(read(TELETACT_SOURCE_DIR "/docs/metrics.md"));
+  std::istringstream page(read(tests::in_tree("docs/metrics.md")));
   for (std::string line; std::getline(page, line);) {
     if (line.rfind("| ", 0) != 0 || line.find('.') == std::string::npos) continue;
     const auto cells = split(line, '|');

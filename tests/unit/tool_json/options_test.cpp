@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "rt/audit/run_file.hpp"
+#include "tests/support/paths.hpp"
 #include "tests/support/whole.hpp"
 
 namespace {
@@ -26,7 +27,7 @@ struct Refusal {
 
 // Exit code, and what it printed on both streams.
 std::pair<int, std::string> run(const std::string& words) {
-  const std::string command = "timeout 20 " TELETACT_BINARY_DIR "/teletact " + words + " 2>&1";
+  const std::string command = "timeout 20 " + tests::in_build("teletact") + " " + words + " 2>&1";
   std::FILE* pipe = ::popen(command.c_str(), "r");
   std::string text;
   char part[4096];

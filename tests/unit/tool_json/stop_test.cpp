@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/paths.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -37,7 +39,7 @@ class Stop : public testing::Test {
   }
 
   void start(std::vector<std::string> words) {
-    words.insert(words.begin(), TELETACT_BINARY_DIR "/teletact");
+    words.insert(words.begin(), tests::in_build("teletact"));
     std::vector<char*> argv;
     for (auto& w : words) argv.push_back(w.data());
     argv.push_back(nullptr);

@@ -9,6 +9,8 @@
 #include <string>
 #include <utility>
 
+#include "tests/support/paths.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -16,7 +18,7 @@ namespace fs = std::filesystem;
 // Exit code, and what it said on stderr.
 std::pair<int, std::string> errors_of(const std::string& words) {
   const std::string command =
-      "timeout 60 " TELETACT_BINARY_DIR "/teletact " + words + " 2>&1 >/dev/null";
+      "timeout 60 " + tests::in_build("teletact") + " " + words + " 2>&1 >/dev/null";
   std::FILE* pipe = ::popen(command.c_str(), "r");
   std::string text;
   char part[4096];

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "rt/random.hpp"
+#include "tests/support/paths.hpp"
 #include "tools/files/csv.hpp"
 #include "tools/teletact/commands.hpp"
 
@@ -417,7 +418,7 @@ TEST(CmdPredict, HandBackSmoothsTheSteps) {
 // Real logs: position error by method; prediction must beat standing still by far, and learning
 // must not lose against holding the velocity.
 TEST(CmdPredict, RealLogs) {
-  const fs::path data = fs::path(TELETACT_SOURCE_DIR) / ".." / "shared" / "data" / "odometry";
+  const fs::path data = tests::in_tree("../shared/data/odometry");
   if (!fs::exists(data)) GTEST_SKIP() << "no recorded odometry at " << data;
   Folder f;
   for (const char* name : {"tuc_lecture_hall", "trolley_mocap_mid", "mrclam6_robot3"}) {

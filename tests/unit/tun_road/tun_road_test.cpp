@@ -1,6 +1,7 @@
 // The program between two namespaces: real TCP meets the rate, the delay and the loss that were
 // asked for, by the road's own count. Where the rights lack, skipped with the reason.
 #include "tools/measure/tun_road/tun_road.hpp"
+#include "tests/support/paths.hpp"
 
 #include <arpa/inet.h>
 #include <fcntl.h>
@@ -29,7 +30,7 @@
 
 namespace {
 
-const std::string kProgram = std::string(TELETACT_BINARY_DIR) + "/teletact-road";
+const std::string kProgram = tests::in_build("teletact-road");
 
 bool shell(const std::string& command) {
   return std::system((command + " 2>/dev/null").c_str()) == 0;

@@ -1,5 +1,5 @@
-// Bundles the page: build.mjs --site FOLDER; with --tests the twin, the tests, the bench's part in
-// the browser, the film and the pictures too, into run/.
+// Bundles the page: build.mjs --site FOLDER; the twin, the tests, the bench's part in the browser,
+// the film and the pictures go into run/.
 import { build } from 'esbuild';
 import { cpSync, mkdirSync } from 'node:fs';
 
@@ -12,11 +12,9 @@ mkdirSync(site, { recursive: true });
 await build({ entryPoints: ['src/main.ts'], outfile: `${site}/page.js`, bundle: true,
   format: 'esm', target: 'es2022', minify: true, legalComments: 'external', logLevel: 'warning' });
 for (const file of ['index.html', 'style.css', 'icon.svg']) cpSync(file, `${site}/${file}`);
-if (words.includes('--tests')) {
-  const programs = { twin: 'twin/twin_main', page_test: 'test/page_test',
-    real_test: 'test/real_test', boxes_test: 'test/boxes_test', measure: 'test/measure',
-    film: 'test/film', pictures: 'test/pictures' };
-  for (const [name, file] of Object.entries(programs)) {
-    await build({ ...node, entryPoints: [`${file}.ts`], outfile: `run/${name}.mjs` });
-  }
+const programs = { twin: 'twin/twin_main', page_test: 'test/page_test',
+  real_test: 'test/real_test', boxes_test: 'test/boxes_test', measure: 'test/measure',
+  film: 'test/film', pictures: 'test/pictures' };
+for (const [name, file] of Object.entries(programs)) {
+  await build({ ...node, entryPoints: [`${file}.ts`], outfile: `run/${name}.mjs` });
 }

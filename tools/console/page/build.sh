@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the page: build.sh WORK SITE [--tests]. Sources are copied to WORK, where the packages of
+# Builds the page: build.sh WORK SITE. Sources are copied to WORK, where the packages of
 # the lock file go too, so that nothing is written beside the sources; the page lands in SITE. Types
 # are checked: an error in them ends with 1. Packages that can not be fetched are said in one line
 # and end with 0: what is in C++ builds without the page.
@@ -20,5 +20,5 @@ if ! cmp -s package-lock.json node_modules/.of-lock; then
   cp package-lock.json node_modules/.of-lock
 fi
 node node_modules/typescript/bin/tsc --noEmit
-node build.mjs --site "$site" "${@:3}"
+node build.mjs --site "$site"
 touch built

@@ -54,7 +54,7 @@ std::vector<MovingPeer> run_moving_peers(const MovingFilm& film) {
   const PeerFrames frames(film.with);
   std::vector<MovingPeer> peers;
   peers.push_back(
-      run("open3d", "python3-open3d", film.with, {TELETACT_OPEN3D_PEER, frames.path(), kVoxel_m}));
+      run("open3d", "python3-open3d", film.with, {open3d_peer(), frames.path(), kVoxel_m}));
   peers.push_back(run("opencv", "libopencv-contrib-dev, then build again", film.with,
                       {beside_us("teletact_peer_opencv"), frames.path(), "tsdf", kVoxel_m, kEdge}));
   return peers;

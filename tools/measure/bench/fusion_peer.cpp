@@ -144,9 +144,9 @@ std::vector<FusionPeerRow> rows_of(std::ostream& progress, const FusionSequence&
         std::vector<std::string>{opencv, frames.path(), kind, voxel, edge}));
   }
   if (options.peers)
-    runs.push_back(std::make_unique<TheirRun>(
-        "open3d", false, "python3-open3d",
-        std::vector<std::string>{TELETACT_OPEN3D_PEER, frames.path(), voxel}));
+    runs.push_back(
+        std::make_unique<TheirRun>("open3d", false, "python3-open3d",
+                                   std::vector<std::string>{open3d_peer(), frames.path(), voxel}));
   for (int begin = 0; begin < sequence.size(); begin += options.slice) {
     progress << sequence.name << ": frames " << begin << " .. "
              << std::min(begin + options.slice, sequence.size()) - 1 << " of " << sequence.size()

@@ -13,7 +13,13 @@
 #include <stdexcept>
 #include <utility>
 
+#include "tools/files/build_info.hpp"
+
 namespace teletact {
+
+std::string open3d_peer() {
+  return std::string(kSourceFolder) + "/tools/measure/bench/peer/open3d_peer.py";
+}
 
 PeerFrames::PeerFrames(const FusionSequence& sequence) {
   std::string name = (std::filesystem::temp_directory_path() / "teletact_frames_XXXXXX").string();

@@ -26,6 +26,9 @@ class PeerFrames {
   std::string path_;
 };
 
+// The program that runs Open3D; it lies in the source tree.
+std::string open3d_peer();
+
 class PeerProcess {
  public:
   struct Reply {

@@ -4,4 +4,4 @@
 
 #include "tasks/edges/edge_cells.hpp"
 #include "tasks/graph/graph_config.hpp"
-#include "tools/cmake/precompiled.hpp"
+#include "tools/cmake/geometry.hpp"
