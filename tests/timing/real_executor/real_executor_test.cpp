@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <map>
 
@@ -252,12 +253,14 @@ TEST(RealExecutor, ConsecutiveMissesForceTheSafeOutput) {
 TEST(RealExecutor, RequestStopEndsTheRun) {
   Body fast, slow;
   std::vector<rt::PlacedTask> tasks{placed("fast", 1000, fast, 0), placed("slow", 10, slow, 1)};
-  const std::int64_t before = rt::monotonic_ns();
-  const Outcome o = run(tasks, 30 * kSecond, light(), rt::Plain{}, 350 * kMs);
-  const std::int64_t took = rt::monotonic_ns() - before;
-  EXPECT_LT(took, 350 * kMs + 5 * 200 * kMs)
-      << "200 ms, with a factor of five for a loaded machine";
+  std::int64_t stopped = 0;
+  const Outcome o = run(tasks, 3600 * kSecond, light(), rt::Plain{}, 350 * kMs, &stopped);
   expect_balanced(o, tasks, false);
+  // One job of each task may have been on its way.
+  for (const auto& jobs : o.jobs)
+    EXPECT_LE(std::count_if(jobs.begin(), jobs.end(),
+                            [&](const rt::JobRecord& r) { return r.start_ns > stopped; }),
+              1);
   EXPECT_GT(fast.committed, 0U);
   EXPECT_EQ(fast.committed, o.totals[0].completed);
 }
@@ -360,9 +363,17 @@ TEST(RealExecutor, APageFaultOfThePlanIsCountedByTheKernel) {
 // definition (a switch at the first boundary at which no job was pending).
 class Straddle final : public Body {
  public:
+  // The first job from release 4 on runs over the next boundary by 30 ms.
   void work(const rt::Tick& tick) noexcept override {
-    if (tick.k == 4 && tick.level == 0) burn_until(rt::ns_of(tick.release) + 50 * kMs);
+    if (done_ || tick.k < 4 || tick.level != 0) return;
+    done_ = true;
+    const auto since_epoch = static_cast<std::int64_t>(tick.k) * 20 * kMs;
+    const std::int64_t epoch = rt::ns_of(tick.release) - since_epoch;
+    burn_until(epoch + (since_epoch / (100 * kMs) + 1) * 100 * kMs + 30 * kMs);
   }
+
+ private:
+  bool done_ = false;
 };
 
 TEST(RealExecutor, DegradeSwitchesAtTheFirstBoundaryWithNoPendingJob) {
@@ -389,7 +400,7 @@ TEST(RealExecutor, DegradeSwitchesAtTheFirstBoundaryWithNoPendingJob) {
     const bool ran_over = i + 1 < jobs.size() && jobs[i + 1].skipped > 0;
     if (jobs[i].missed() || ran_over) want.on_miss();
   }
-  EXPECT_TRUE(straddled) << "release 4 runs from 80 to 130 ms, over the boundary at 100";
+  EXPECT_TRUE(straddled) << "a job ran over a boundary";
   EXPECT_GT(degraded, 0);
 }
 
