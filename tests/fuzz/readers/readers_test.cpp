@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/whole.hpp"
 #include "tools/measure/fuzz_readers.hpp"
 
 namespace {
@@ -64,12 +65,14 @@ void expect_no_fault(FuzzOptions options, const std::vector<std::string>& names,
   }
 }
 
-// 30 s of CPU in all.
-TEST_F(FuzzReadersTest, EndWithAResultOrOneLine) { expect_no_fault(options_, {}, 30); }
+// Seconds of CPU, of all readers together.
+const double kSeconds = tests::whole() ? 30 : 10;
 
-// What a page on the net may send reaches these two, one behind the other: 30 s for them.
+TEST_F(FuzzReadersTest, EndWithAResultOrOneLine) { expect_no_fault(options_, {}, kSeconds); }
+
+// What a page on the net may send reaches these two, one behind the other: as long for them alone.
 TEST_F(FuzzReadersTest, IntentsEndWithAResultOrOneLine) {
-  expect_no_fault(options_, {"console_intent", "desk_intent"}, 30);
+  expect_no_fault(options_, {"console_intent", "desk_intent"}, kSeconds);
 }
 
 TEST_F(FuzzReadersTest, TheHarnessSeesFaults) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/stability/judge.hpp"
+#include "tests/support/whole.hpp"
 
 namespace {
 
@@ -67,7 +68,18 @@ constexpr Missed kMissed[] = {
 class HardCase : public testing::TestWithParam<stability::Case> {};
 class FusedCase : public HardCase {};
 
+// The two cases that take longest, in every third of those settings; TELETACT_WHOLE: in all.
+constexpr Missed kMissedInFew[] = {
+    {20, false, "injected mJ, hand 1000 N/m", 6, 30.15, 29.82},
+    {20, false, "injected mJ, hand 400 N/m", 3, 18.59, 18.12},
+};
+
 TEST_P(HardCase, FailsAsListed) {
+  const int id = GetParam().id;
+  if ((id == 19 || id == 20) && !tests::whole()) {
+    const auto few = tests::whole_or_each(hard_cases::on_samples(false), 3);
+    return hard_cases::judge(GetParam(), few, kMissedInFew);
+  }
   hard_cases::judge(GetParam(), hard_cases::on_samples(false), kMissed);
 }
 
