@@ -26,6 +26,12 @@ grep -q 'rights in tests: <>' "$root/said" || fail "the tests saw rights"
 [ -n "$(getcap "$program")" ] || fail "the rights did not come back"
 [ "$(stat -c %y "$program")" = "$before" ] || fail "a build would link it again"
 
+printf '#!/bin/sh\necho teletact\necho demo\n' >"$root/tools/affected.py"
+chmod +x "$root/tools/affected.py"
+"$root/tools/test" --changed >"$root/said" 2>&1 || fail "tools/test --changed ends with $?"
+grep -q 'rights in tests: <>' "$root/said" || fail "the tests of --changed saw rights"
+[ -n "$(getcap "$program")" ] || fail "the rights did not come back after --changed"
+
 cp /bin/false "$root/newer"
 "$root/tools/test" >"$root/said" 2>&1 || fail "tools/test ends with $?"
 [ -z "$(getcap "$program")" ] && cmp -s "$program" /bin/false || fail "the newer program was lost"
