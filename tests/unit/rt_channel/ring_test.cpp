@@ -211,12 +211,12 @@ TEST(RingThreads, BlocksArriveWhole) {
 TEST(RingThreads, DropsAreCountedAndFlagged) {
   constexpr std::uint64_t kCount = kItems / 20;
   auto ring = std::make_unique<rt::Ring<Event, 16>>(~std::uint64_t{0} - kCount / 4);
-  std::atomic<bool> ready{false}, done{false};
+  std::atomic<bool> start{false}, done{false};
   std::uint64_t received = 0, missing = 0, wrong = 0;
   std::thread consumer([&] {
     std::uint64_t expected = 0;
     Event e;
-    ready.store(true);
+    while (!start.load()) std::this_thread::yield();
     for (;;) {
       const bool last_look = done.load(std::memory_order_acquire);
       while (ring->try_pop(e)) {
@@ -232,13 +232,17 @@ TEST(RingThreads, DropsAreCountedAndFlagged) {
   });
   std::uint64_t refused = 0;
   rt::Random random(21);
-  while (!ready.load()) std::this_thread::yield();
-  for (std::uint64_t n = 0; n < kCount;) {
+  std::uint64_t n = 0;
+  // Full before anybody reads: some are refused, whatever the machine does.
+  for (; n < 20; ++n) refused += ring->try_push({n, false}) ? 0 : 1;
+  start.store(true);
+  while (n < kCount) {
     // Bursts around the capacity, so that most fit and some do not.
     for (auto burst = random.integer(1, 20); burst > 0 && n < kCount; --burst, ++n) {
       if (!ring->try_push({n, false})) ++refused;
     }
-    for (int look = 0; look < 50 && !ring->empty(); ++look) std::this_thread::yield();
+    // The reader has its turn, however late a busy machine gives it.
+    while (!ring->empty()) std::this_thread::yield();
   }
   done.store(true, std::memory_order_release);
   consumer.join();
