@@ -67,4 +67,14 @@ std::vector<double> callgrind_rounds(const std::string& program,
   return sums;
 }
 
+std::vector<double> callgrind_dumps(const std::string& program,
+                                    const std::vector<std::string>& arguments,
+                                    const std::string& pattern, const std::string& scratch) {
+  auto sums = sums_of(
+      program, arguments,
+      " --instr-atstart=no --combine-dumps=yes --toggle-collect=" + shell_quoted(pattern), scratch);
+  sums.pop_back();  // of the program's end
+  return sums;
+}
+
 }  // namespace teletact
