@@ -23,6 +23,7 @@
 #include <string_view>
 #include <vector>
 
+#include "rt/clock/box_time.hpp"
 #include "rt/result.hpp"
 #include "rt/time.hpp"
 #include "tools/console/console_counts.hpp"
@@ -56,6 +57,8 @@ struct ConsoleOptions {
   rt::Nanos absence_limit =
       std::chrono::seconds{3};                       // operator gone so long: another may take over
   rt::Nanos asked_limit = std::chrono::seconds{10};  // asked so long ago, unanswered: same
+  // By which the line to a page is measured (bulk_window.hpp), ns.
+  std::function<std::int64_t()> line_clock = &rt::monotonic_ns;
 };
 
 // One intent whose envelope is sound: size, JSON, keys `id` and `act`, rate, role. What it means,

@@ -94,14 +94,14 @@ void WsViewer::pump() {
   }
   if (!out_) return;
   writing_since_ns_ = rt::monotonic_ns();
-  if (is_bulk(kind_of(*out_))) window_.sent(out_->size(), writing_since_ns_);
+  if (is_bulk(kind_of(*out_))) window_.sent(out_->size(), core_.options.line_clock());
   ws_.async_write(boost::asio::buffer(*out_),
                   [self = shared_from_this()](boost::system::error_code failed, std::size_t bytes) {
                     self->sent(failed, bytes);
                   });
 }
 
-bool WsViewer::seen(std::uint64_t bytes) { return window_.seen(bytes, rt::monotonic_ns()); }
+bool WsViewer::seen(std::uint64_t bytes) { return window_.seen(bytes, core_.options.line_clock()); }
 
 void WsViewer::sent(boost::system::error_code failed, std::size_t bytes) {
   out_ = nullptr;

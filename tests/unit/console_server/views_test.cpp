@@ -3,12 +3,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <fstream>
 #include <thread>
 
 #include "perception/tsdf/mesh/mesh_deltas.hpp"
 #include "support.hpp"
+#include "tools/console/bulk_window.hpp"
 
 namespace console_test {
 namespace {
@@ -103,53 +105,56 @@ TEST_F(Console, ASlowViewerCostsOnePictureAndNobodyElse) {
 }
 
 // A page that reads its socket at once and takes in what came much later: what it has not seen is
-// bounded, what is small goes past, and what comes next is the newest.
+// bounded by the rule of bulk_window.hpp, what is small goes past, and what comes next is the
+// newest. The line is measured by a clock that the test moves.
 TEST_F(Console, APageThatSaysWhatItHasSeenIsNotSentMoreThanItTakesIn) {
+  constexpr std::uint64_t kSize = 200'024;  // of a picture with its head
+  std::atomic<std::int64_t> now_ns{1'000'000'000};
+  options_.line_clock = [&] { return now_ns.load(); };
   start();
   const auto page = open(join_operator());
   ASSERT_TRUE(wait_for([&] { return server_->viewers() == 1; }));
   const std::vector<std::uint8_t> picture(200'000, 7), pose(64, 1);
+  teletact::BulkWindow rule;
   ASSERT_TRUE(server_->publish(ViewKind::kPicture, {}, picture));
   EXPECT_EQ(page->next(4).sequence(), 0U);
-  std::uint64_t seen = 200'024;
+  rule.sent(kSize, now_ns);
+  std::uint64_t seen = 0;
   int id = 0;
-  const auto tell = [&] {
+  const auto tell = [&](std::uint32_t pictures) {
+    now_ns += 10'000'000;
+    seen += kSize * pictures;
+    EXPECT_TRUE(rule.seen(seen, now_ns));
     page->text("{\"id\":" + std::to_string(++id) +
                ",\"act\":\"seen\",\"bytes\":" + std::to_string(seen) + "}");
   };
   // The answer says that what came before it was taken.
-  const auto tell_and_wait = [&] {
-    tell();
+  const auto tell_and_wait = [&](std::uint32_t pictures) {
+    tell(pictures);
     page->text("{\"id\":" + std::to_string(++id) + ",\"act\":\"hold\"}");
     EXPECT_THAT(page->answer(), testing::HasSubstr("\"id\":" + std::to_string(id)));
   };
-  tell_and_wait();
-  for (int round = 0; round < 3; ++round) {
-    std::uint32_t last = 0, pictures = 0;
-    for (int n = 0; n < 20; ++n) {
+  tell_and_wait(1);
+  for (std::uint32_t round = 0; round < 3; ++round) {
+    std::uint32_t pictures = 0, most = 0;
+    for (std::uint32_t n = 0; n < 20; ++n) {
       ASSERT_TRUE(server_->publish(ViewKind::kPicture, {}, picture));
       ASSERT_TRUE(server_->publish(ViewKind::kPose, {}, pose));
       for (;;) {  // up to this pose, which nothing holds back
         const auto view = page->next();
         ASSERT_EQ(view.opcode, 2);
-        if (view.kind() == 2 && view.sequence() == static_cast<std::uint32_t>(20 * round + n))
-          break;
-        if (view.kind() == 4) {
-          ++pictures;
-          last = view.sequence();
-        }
+        if (view.kind() == 2 && view.sequence() == 20 * round + n) break;
+        if (view.kind() == 4) ++pictures;
       }
     }
-    EXPECT_LE(pictures, 2U);
-    EXPECT_GE(pictures, 1U);
-    EXPECT_LT(last, 20U * static_cast<std::uint32_t>(round) + 20U);
-    seen += 200'024 * std::uint64_t{pictures};
-    tell();
+    for (; rule.room(); ++most) rule.sent(kSize, now_ns);
+    EXPECT_EQ(pictures, most);
+    EXPECT_LE(most, 4U) << "a round holds more than that";
+    tell(pictures);
     // Held back meanwhile: the newest of the round.
-    const auto newest = page->next(4);
-    EXPECT_EQ(newest.sequence(), 20U * static_cast<std::uint32_t>(round) + 20U);
-    seen += 200'024;
-    tell_and_wait();
+    EXPECT_EQ(page->next(4).sequence(), 20 * round + 20);
+    rule.sent(kSize, now_ns);
+    tell_and_wait(1);
   }
   EXPECT_GT(server_->counts().views_replaced, 40U);
 }
