@@ -91,16 +91,18 @@ inline std::string off_list(std::span<const Missed> list, int id, bool fused,
   return out;
 }
 
-// One case in several settings. `progress`: a line for each setting.
+// One case in several settings; each `again_each`-th of them twice, for the same trace. `progress`:
+// a line for each setting.
 inline void judge(const stability::Case& c, const std::vector<Setting>& settings,
-                  std::span<const Missed> list, bool progress = false) {
+                  std::span<const Missed> list, bool progress = false, std::size_t again_each = 1) {
   int runs = 0, met = 0, bound = 0;
   double margin = 1, cpu = 0;
   std::uint32_t samples_p99 = 0, samples_max = 0;
   std::map<std::string, Tally> failed;
   const bool fused = settings.front().fused != nullptr;
+  std::size_t count = 0;
   for (const Setting& setting : settings) {
-    const stability::Gated gated = stability::run_gated(c, setting);
+    const stability::Gated gated = stability::run_gated(c, setting, count++ % again_each == 0);
     EXPECT_EQ(gated.gates.counted, rt_guard::linked());
     EXPECT_GT(gated.gates.ticks, 0U);
     cpu = std::max(cpu, gated.gates.cpu_p99_us);

@@ -55,8 +55,9 @@ struct Gated {
   std::vector<Run> runs;  // each with the gates among its checks
   Gates gates;
 };
-// The case in this setting, twice or more; from the second time on without the optimum.
-[[nodiscard]] Gated run_gated(const Case& c, const Setting& s);
+// The case in this setting, twice or more; from the second time on without the optimum. Not
+// `again`: once, and its gates "trace differs" sees nothing.
+[[nodiscard]] Gated run_gated(const Case& c, const Setting& s, bool again = true);
 
 // As checks of a run.
 void add_gates(Run& run, const Gates& gates);
