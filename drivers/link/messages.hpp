@@ -28,7 +28,8 @@ inline constexpr int kMessageIds = 10;
 // Planar pose and velocity of the base B in the odometry frame O (starts equal to the world).
 struct RobotState {
   std::uint64_t seq = 0;
-  rt::Time taken{};
+  rt::Time made{};   // by the robot's box: that it lives is told by this alone
+  rt::Time taken{};  // the motors' measurement, which may be older: a bus fails, the box goes on
   double x_m = 0, y_m = 0, yaw_rad = 0;       // X_OB
   double vx = 0, vy = 0, wz = 0;              // body frame, m/s, rad/s, measured
   double cmd_vx = 0, cmd_vy = 0, cmd_wz = 0;  // body frame, commanded in the same cycle
@@ -86,12 +87,12 @@ template <>
 struct rt::Fields<drivers::RobotState> {
   using M = drivers::RobotState;
   static constexpr auto kList = fields(
-      value(&M::seq, "seq"), datum(&M::taken, "taken"), number(&M::x_m, "x"), number(&M::y_m, "y"),
-      number(&M::yaw_rad, "yaw"), number(&M::vx, "vx"), number(&M::vy, "vy"), number(&M::wz, "wz"),
-      value(&M::cmd_vx, "cmd_vx"), value(&M::cmd_vy, "cmd_vy"), value(&M::cmd_wz, "cmd_wz"),
-      value(&M::goal_seq, "goal_seq"), value(&M::mode, "mode", 4), value(&M::moving, "moving", 1),
-      value(&M::fault, "fault"), value(&M::pauses, "pauses", 2),
-      value(&M::mode_cause, "mode_cause"));
+      value(&M::seq, "seq"), instant(&M::made, "made"), datum(&M::taken, "taken"),
+      number(&M::x_m, "x"), number(&M::y_m, "y"), number(&M::yaw_rad, "yaw"), number(&M::vx, "vx"),
+      number(&M::vy, "vy"), number(&M::wz, "wz"), value(&M::cmd_vx, "cmd_vx"),
+      value(&M::cmd_vy, "cmd_vy"), value(&M::cmd_wz, "cmd_wz"), value(&M::goal_seq, "goal_seq"),
+      value(&M::mode, "mode", 4), value(&M::moving, "moving", 1), value(&M::fault, "fault"),
+      value(&M::pauses, "pauses", 2), value(&M::mode_cause, "mode_cause"));
 };
 static_assert(rt::lists_every_field<drivers::RobotState>());
 

@@ -37,6 +37,8 @@ void receive_edge(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint, Seen see
                           to_local(m, endpoint);
                           // Readers know age and order by it: what is newest for ever ends both.
                           if (endpoint.from_ahead(edge::datum(m))) return false;
+                          if constexpr (requires { m.made; })  // and by it that the sender lives
+                            if (endpoint.from_ahead(m.made)) return false;
                           cells.template begin_write<E>() = m;
                           cells.template publish<E>(endpoint.arrived(), endpoint.unsure());
                           seen(m, made_ns, body.size());

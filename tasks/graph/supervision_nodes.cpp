@@ -85,12 +85,14 @@ void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcep
   in_.peer_mode = robot ? static_cast<Mode>(robot->mode) : Mode::kInit;
   using Pause = SupervisionTask::Pause;
   in_.peer_pause = robot ? static_cast<Pause>(robot->pauses) : Pause::kNone;
-  in_.peer_mode_at = robot ? robot->taken : rt::Time{};
+  in_.peer_mode_at = robot ? robot->made : rt::Time{};
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_expected = link_.expected.load(std::memory_order_relaxed);
   in_.link_heard = heard != 0 && robot;
   auto& limit = limits_.of<EdgeId::kRobotState>();
-  const bool state_old = robot && !limit.within(robot, tick.start) && robot->taken != rt::Time{};
+  // By when the robot's box made it: its motors may have failed, and it tells so.
+  const bool state_old = robot && robot->made != rt::Time{} &&
+                         !limit.within(tick.start, robot.at, robot->made, robot.unsure);
   in_.link_last = link_heard_with_state(rt::time_from_ns(heard), robot.at, state_old, tick.start,
                                         limit.limit().liveness);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);

@@ -255,6 +255,7 @@ void RobotIoTask::write_state(const rt::Tick& tick, const In& in, Health health,
   const Pose2& p = odometry_.pose();
   drivers::RobotState& s = out.state;
   s.seq = ++seq_;
+  s.made = tick.start;
   s.taken = motors_taken_;
   s.x_m = p.x;
   s.y_m = p.y;

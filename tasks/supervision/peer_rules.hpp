@@ -12,7 +12,7 @@ namespace tasks {
 
 // Operator box. When was the link heard last, as far as supervision is concerned? Not later than
 // the robot's state came: a line that carries everything but that is as good as silent. A state
-// that came and was measured long ago (`state_old`) counts as twice the liveness ago.
+// that came and was made long ago (`state_old`) counts as twice the liveness ago.
 [[nodiscard]] inline rt::Time link_heard_with_state(rt::Time line_heard, rt::Time state_came,
                                                     bool state_old, rt::Time now,
                                                     rt::Nanos liveness) noexcept {

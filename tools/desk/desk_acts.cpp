@@ -138,11 +138,18 @@ ConsoleAnswer DeskActs::record(bool on, rt::Time now) {
 
 // ---- engage, clear, stop ------------------------------------------------------------------------
 
-// What the robot's box says of itself; of one that has fallen silent nothing is known any more.
+// What the robot's box says of itself; of one that has fallen silent nothing is known any more. Its
+// age is that of the message: the motors' measurement in it stays old until a clear.
 drivers::RobotState DeskActs::heard_robot(rt::Time now) const {
   constexpr rt::Nanos kSilent = std::chrono::milliseconds{500};
   const drivers::RobotState& newest = console_.seen().robot;
-  return newest.seq != 0 && now - newest.taken <= kSilent ? newest : drivers::RobotState{};
+  return newest.seq != 0 && now - newest.made <= kSilent ? newest : drivers::RobotState{};
+}
+
+// Empty: it has been heard, or never was.
+std::string DeskActs::silence_refusal(rt::Time now) const {
+  if (console_.seen().robot.seq == 0 || heard_robot(now).seq != 0) return {};
+  return "nothing comes from the robot's box" + fault_advice(tasks::kFaultLinkSilent);
 }
 
 std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at, rt::Time now) {
@@ -162,9 +169,7 @@ std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at,
       // In a safe stop the robot's box follows no engage, whatever this box's mode came from.
       if (const std::string why = safe_stop_refusal(mode, heard_robot(now)); !why.empty())
         return refused(why);
-      if (console_.seen().robot.seq != 0 && heard_robot(now).seq == 0)
-        return refused("nothing comes from the robot's box" +
-                       fault_advice(tasks::kFaultLinkSilent));
+      if (const std::string why = silence_refusal(now); !why.empty()) return refused(why);
       break;
   }
   if (waiting_) return refused("asked already");
@@ -211,6 +216,10 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
 
 std::optional<ConsoleAnswer> DeskActs::clear(const DeskItem& item, rt::Time now) {
   const auto& seen = console_.seen();
+  // Whether a silent box is in a safe stop is not known.
+  if (const std::string why = silence_refusal(now);
+      !why.empty() && seen.mode.mode != Mode::kSafeStop)
+    return refused(why);
   if (const std::string why = clear_refusal(seen.mode, heard_robot(now)); !why.empty())
     return refused(why);
   if (clear_waits_) return refused("asked already");

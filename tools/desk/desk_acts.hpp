@@ -150,6 +150,7 @@ class DeskActs {
   void keep_hand(rt::Time now);
   void keep_clear(rt::Time now, const Answer& answer);
   [[nodiscard]] drivers::RobotState heard_robot(rt::Time now) const;
+  [[nodiscard]] std::string silence_refusal(rt::Time now) const;
   void keep_objects(rt::Time now, const Answer& answer);
   [[nodiscard]] SavedSession to_save() const;
   void keep_sessions(rt::Time now, const Answer& answer);
