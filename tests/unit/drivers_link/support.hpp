@@ -46,6 +46,7 @@ void set_field(Bytes& bytes, std::size_t at, T v) {
 inline drivers::RobotState random_state(rt::Random& r) {
   drivers::RobotState m;
   m.seq = r();
+  m.made = rt::time_from_ns(r.integer(0, 1'000'000'000'000'000));
   m.taken = rt::time_from_ns(r.integer(0, 1'000'000'000'000'000));
   for (double* v :
        {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.cmd_vx, &m.cmd_vy, &m.cmd_wz}) {

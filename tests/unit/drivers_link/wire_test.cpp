@@ -152,6 +152,7 @@ TEST(Bodies, RoundTripRandomValues) {
     ASSERT_TRUE(decode(body_of(s), s2));
     EXPECT_EQ(body_of(s2), body_of(s));
     EXPECT_EQ(s2.seq, s.seq);
+    EXPECT_EQ(s2.made, s.made);
     EXPECT_EQ(s2.taken, s.taken);
     EXPECT_EQ(s2.x_m, s.x_m);
     EXPECT_EQ(s2.y_m, s.y_m);
@@ -276,6 +277,9 @@ TEST(Bodies, InstantsBeyondAnyClockAreRefused) {
   for (const std::int64_t v : {kMax, kMin, std::int64_t{1'000'000'000'000'000'001}}) {
     drivers::RobotState s = random_state(r), s_out;
     s.taken = rt::time_from_ns(v);
+    EXPECT_FALSE(decode(body_of(s), s_out));
+    s = random_state(r);
+    s.made = rt::time_from_ns(v);
     EXPECT_FALSE(decode(body_of(s), s_out));
     drivers::RobotGoal g = random_goal(r), g_out;
     g.made = rt::time_from_ns(v);

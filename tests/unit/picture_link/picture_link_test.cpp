@@ -226,13 +226,14 @@ TEST(PictureLink, AStateFromAheadIsRefusedAndTheNextIsTaken) {
         taken_ms.push_back((rt::ns_of(road.now()) - rt::ns_of(s.taken)) / kMs);
       });
   constexpr auto kCode = tasks::kEdge<tasks::EdgeId::kRobotState>.row.wire.code;
-  std::int64_t ahead_ms = 0;
+  std::int64_t ahead_ms = 0, made_ahead_ms = 0;
   std::uint64_t sent = 0;
   road.robot_end.add_outgoing(kCode, std::chrono::milliseconds{10}, false,
                               [&](std::span<std::uint8_t> out) {
                                 drivers::RobotState s;
                                 s.seq = ++sent;
                                 s.taken = road.now() + std::chrono::milliseconds{ahead_ms};
+                                s.made = road.now() + std::chrono::milliseconds{made_ahead_ms};
                                 return drivers::encode(s, out);
                               });
   const auto refused = [&] {
@@ -244,7 +245,11 @@ TEST(PictureLink, AStateFromAheadIsRefusedAndTheNextIsTaken) {
   ahead_ms = 86'400'000;
   road.run(500);
   EXPECT_GE(refused(), 45U);
-  ahead_ms = 0;
+  // By this one it would live for a day.
+  ahead_ms = 0, made_ahead_ms = 86'400'000;
+  road.run(500);
+  EXPECT_GE(refused(), 90U);
+  made_ahead_ms = 0;
   const std::size_t before = taken_ms.size();
   road.run(500);
   EXPECT_GE(taken_ms.size() - before, 45U);

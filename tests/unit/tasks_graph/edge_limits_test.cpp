@@ -172,7 +172,7 @@ struct Boxes {
         auto& m = slot(cells->of<EdgeId::kRobotState>().cell);
         m = {};
         m.seq = seq;
-        m.taken = taken;
+        m.made = m.taken = taken;
         m.mode = static_cast<std::uint8_t>(Mode::kEngaged);
         cells->of<EdgeId::kRobotState>().cell.publish(at, kUnsure);
         break;

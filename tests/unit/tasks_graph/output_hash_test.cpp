@@ -114,7 +114,7 @@ TEST(OutputHash, RobotGoalStateAndSetpoints) {
            FIELD(vx), FIELD(vy), FIELD(wz), FIELD(speed_limit_m_per_s), FIELD(engaged),
            FIELD(operator_engaged), FIELD(operator_clear), FIELD(path_seq)});
   expect_each_seen<drivers::RobotState>(
-      {}, {FIELD(seq), FIELD(taken), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad), FIELD(vx), FIELD(vy),
+      {}, {FIELD(seq), FIELD(made), FIELD(taken), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad), FIELD(vx), FIELD(vy),
            FIELD(wz), FIELD(cmd_vx), FIELD(cmd_vy), FIELD(cmd_wz), FIELD(goal_seq), FIELD(mode),
            FIELD(moving), FIELD(fault), FIELD(pauses), FIELD(mode_cause)});
   expect_each_seen<drivers::MotorSetpoints>(
