@@ -52,6 +52,9 @@ struct DemoOptions {
   double meddle_at_s = -1;
   std::function<void(std::int64_t ns)> each_minute;  // of the run; since its start
   std::function<void(OperatorBox&)> meddle;
+  // Virtual clock, for tests: before and after the robot's box is built.
+  std::function<void(BoxOptions&)> robot_options;
+  std::function<void(RobotBox&)> robot_built;
   // Virtual clock, for benches: replacements of a task's body and of the link; empty: the real
   // ones.
   std::function<rt::TaskBody*(tasks::TaskId, rt::TaskBody&)> wrap_body;

@@ -233,7 +233,9 @@ void VirtualStack::build_boxes() {
     robot_inputs_->wrap(robot_options_);
   }
   put_page_hand(nrt_, options_.page, op_options_);
+  if (options_.robot_options) options_.robot_options(robot_options_);
   robot_ = std::make_unique<RobotBox>(nrt_, scene_, robot_options_);
+  if (options_.robot_built) options_.robot_built(*robot_);
   op_ = std::make_unique<OperatorBox>(nrt_, scene_, camera, op_options_);
   if (options_.record) {
     op_inputs_->attach(op_->graph(), op_->endpoint());

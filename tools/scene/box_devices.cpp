@@ -131,10 +131,15 @@ drivers::SafetyIo* RobotBox::open_safety(rt::NonRealtime& nrt, const Scene& scen
   } else {
     auto twin = std::make_unique<drivers::gpio::GpioTwin>(nrt, scene.gpio.lines());
     twin->follow(nrt, {scene.gpio_events.begin(), scene.gpio_events.end()}, options.epoch);
+    simulated_lines_ = twin.get();
     lines_ = std::move(twin);
   }
   safety_ = std::make_unique<drivers::gpio::SafetyChain>(nrt, scene.gpio, *lines_);
   return options.wrap_safety ? options.wrap_safety(*safety_) : safety_.get();
+}
+
+RobotTwins RobotBox::twins() noexcept {
+  return {bus_.get(), wire_.get(), can_ ? can_->twin() : nullptr, simulated_lines_};
 }
 
 void RobotBox::make_safe() noexcept {

@@ -49,12 +49,21 @@ struct BoxOptions {
 // What a twin or effect constructed in this run is called, and which key called for it.
 using Effects = std::vector<std::pair<std::string, std::string>>;
 
+// The robot's simulated devices, for what a test does to them; null: this scene has none.
+struct RobotTwins {
+  drivers::VirtualYoubot* base = nullptr;
+  drivers::youbot_bus::EtherCatTwinBus* chain = nullptr;
+  drivers::can::CanTwinBus* can = nullptr;
+  drivers::gpio::GpioTwin* lines = nullptr;
+};
+
 class RobotBox {
  public:
   RobotBox(rt::NonRealtime&, const Scene&, const BoxOptions&);
   [[nodiscard]] tasks::RobotGraph& graph() noexcept { return *graph_; }
   [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
   [[nodiscard]] drivers::VirtualYoubot& bus() noexcept { return *bus_; }
+  [[nodiscard]] RobotTwins twins() noexcept;
   // Motor stop on whatever bus there is, from any thread.
   void make_safe() noexcept;
   [[nodiscard]] const drivers::World& world() const noexcept { return *world_; }
@@ -77,6 +86,7 @@ class RobotBox {
   std::unique_ptr<drivers::youbot_bus::EtherCatTwinBus> wire_;
   std::unique_ptr<CanMotors> can_;
   std::unique_ptr<drivers::gpio::GpioLines> lines_;
+  drivers::gpio::GpioTwin* simulated_lines_ = nullptr;
   std::unique_ptr<drivers::gpio::SafetyChain> safety_;
   std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> youbot_;
   std::unique_ptr<drivers::PoseSource> pose_;

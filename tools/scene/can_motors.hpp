@@ -16,6 +16,8 @@ class CanMotors {
   // Throws std::runtime_error with one line. `robot` outlives this object.
   CanMotors(rt::NonRealtime&, const Scene&, drivers::MotorBus& robot, bool real_devices);
   [[nodiscard]] drivers::MotorBus& bus() noexcept;
+  // Null: a real interface.
+  [[nodiscard]] drivers::can::CanTwinBus* twin() noexcept { return twin_.get(); }
   [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept {
     return twin_ ? twin_->twin_cpu_ns() : 0;
   }
