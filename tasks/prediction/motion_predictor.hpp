@@ -67,6 +67,11 @@ class MotionPredictor {
   // ignored: as above.
   bool add_command(double t, const perception::Twist2& cmd_B) noexcept;
 
+  // Of a change of speed: a share of the limit of acceleration, for so long.
+  struct Belief {
+    double share = 0.75, changes_s = 10;
+  };
+
   struct Prediction {
     perception::Pose2 X_OB;
     perception::Twist2 mean_B;  // mean body twist over the horizon that leads there
@@ -91,10 +96,16 @@ class MotionPredictor {
 
  private:
   void place(double h, Prediction& out) const noexcept;
+  // No model's answer is farther from the newest velocity than the limits of acceleration let the
+  // base get: a fit of badly conditioned data may say anything.
+  void bound(double h, Motion& motion) const noexcept;
 
   MotionHistory history_;
   std::unique_ptr<MotionModel> model_, commanded_;  // commanded_: where `lsq` asks first
   Mixture* mixture_ = nullptr;
+  bool bounded_ = true;  // `none` says by its name that nothing moves
+  Belief belief_;
+  Axes acceleration_limit_{};
   RealisedError error_;
   double asked_h_ = 0.15;
 };

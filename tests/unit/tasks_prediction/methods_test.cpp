@@ -151,7 +151,10 @@ TEST(LinearModel, CollinearHistoryHasRankOneAndTheLeastNorm) {
 
 // A motion that is of the model is predicted exactly: a damped oscillation of three coupled axes.
 TEST(LinearModel, FindsALinearMotion) {
-  MotionPredictor p = of("paper");
+  tasks::MotionPredictorConfig config;
+  config.method = "paper";
+  config.acceleration_limit_m_per_s2 = config.yaw_acceleration_limit_rad_per_s2 = 100;  // no bound
+  MotionPredictor p(config);
   const Eigen::Matrix3d F =
       (Eigen::Matrix3d() << 0.95, 0.2, 0, -0.2, 0.95, 0.1, 0, -0.1, 0.97).finished();
   Eigen::Vector3d v(0.5, 0.2, -0.4);
@@ -166,6 +169,34 @@ TEST(LinearModel, FindsALinearMotion) {
   EXPECT_NEAR(out.mean_B.vx, want[0], 1e-9);
   EXPECT_NEAR(out.mean_B.vy, want[1], 1e-9);
   EXPECT_NEAR(out.mean_B.wz, want[2], 1e-9);
+}
+
+// A turn of the wheel that no base can make: what the fit says of it is bounded, whatever it says.
+TEST(Bound, NoMethodLeavesWhatTheLimitsAllow) {
+  const std::uint64_t seed = 61;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
+  rt::Random random(seed);
+  const tasks::MotionPredictorConfig limits;
+  for (const std::string& method : tasks::MotionPredictorConfig::methods()) {
+    if (method == "none") continue;
+    MotionPredictor p = of(method.c_str());
+    double t = 0;
+    for (int i = 0; i < 400; ++i) {
+      t += random.uniform(0.02, 0.1);
+      const perception::Twist2 v{random.uniform(-1, 1), 0.001 * random.normal(),
+                                 random.uniform(-2, 2)};
+      ASSERT_TRUE(p.add({t, {}, v}));
+      const double h = random.uniform(0.05, 0.5);
+      MotionPredictor::Prediction out;
+      ASSERT_TRUE(p.predict(t + h, out));
+      const double reach = 0.5 * limits.acceleration_limit_m_per_s2 * h + 1e-9;
+      EXPECT_LE(std::abs(out.mean_B.vx - v.vx), reach) << method << " " << i;
+      EXPECT_LE(std::abs(out.mean_B.vy - v.vy), reach) << method << " " << i;
+      EXPECT_LE(std::abs(out.mean_B.wz - v.wz),
+                0.5 * limits.yaw_acceleration_limit_rad_per_s2 * h + 1e-9)
+          << method << " " << i;
+    }
+  }
 }
 
 // The filter's velocity and acceleration against the most likely states of the whole history at
