@@ -73,7 +73,10 @@ rt::Result<cv::Mat> decode(Bytes b, const drivers::ImageHeader& h, int flags,
     return error(name, "can not be decoded: " + e.err);
   }
   const std::string said = words.end();
-  if (image.empty() || image.cols != h.width || image.rows != h.height) {
+  const bool turns = (flags & cv::IMREAD_IGNORE_ORIENTATION) == 0;
+  const bool as_stored = image.cols == h.width && image.rows == h.height,
+             turned = turns && image.cols == h.height && image.rows == h.width;
+  if (image.empty() || !(as_stored || turned)) {
     return error(name, "can not be decoded" + (said.empty() ? said : ": " + said));
   }
   // Other words, such as those about a colour profile, are no damage.
@@ -103,17 +106,19 @@ rt::Result<std::vector<std::uint8_t>> slurp(const std::string& path) {
 
 }  // namespace
 
-rt::Result<perception::Image<perception::Rgb>> decode_colour(Bytes b, const std::string& name) {
+rt::Result<perception::Image<perception::Rgb>> decode_colour(Bytes b, const std::string& name,
+                                                             Orientation orientation) {
   const auto h = drivers::image_header(b, name);
   if (!h) return rt::Error{h.error()};
   if (h.value().bits != 8) {
     return error(name, "has " + std::to_string(h.value().bits) + " bit x " +
                            std::to_string(h.value().channels) + " channels; must be 8 bit colour");
   }
-  const auto m = decode(b, h.value(), cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, name);
+  const int ignored = orientation == Orientation::kStored ? cv::IMREAD_IGNORE_ORIENTATION : 0;
+  const auto m = decode(b, h.value(), cv::IMREAD_COLOR | ignored, name);
   if (!m) return rt::Error{m.error()};
   if (m.value().type() != CV_8UC3) return error(name, "can not be decoded as 8 bit colour");
-  perception::Image<perception::Rgb> out(h.value().width, h.value().height);
+  perception::Image<perception::Rgb> out(m.value().cols, m.value().rows);
   for (int v = 0; v < out.height(); ++v) {
     const auto* row = m.value().ptr<cv::Vec3b>(v);
     for (int u = 0; u < out.width(); ++u) out.at(u, v) = {row[u][2], row[u][1], row[u][0]};
@@ -147,10 +152,11 @@ rt::Result<perception::Image<std::uint16_t>> decode_grey(Bytes b, const std::str
   return out;
 }
 
-rt::Result<perception::Image<perception::Rgb>> read_colour(const std::string& path) {
+rt::Result<perception::Image<perception::Rgb>> read_colour(const std::string& path,
+                                                           Orientation orientation) {
   const auto bytes = slurp(path);
   if (!bytes) return rt::Error{bytes.error()};
-  return decode_colour(bytes.value(), path);
+  return decode_colour(bytes.value(), path, orientation);
 }
 
 rt::Result<perception::Image<std::uint16_t>> read_grey(const std::string& path) {

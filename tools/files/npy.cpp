@@ -1,6 +1,7 @@
 #include "tools/files/npy.hpp"
 
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -120,64 +121,67 @@ class HeaderParser {
   std::size_t at_ = 0;
 };
 
-struct Elements {
-  const char* descr;
-  const char* words;
-};
-constexpr Elements kFloats{"<f4", "little-endian float32"}, kBytes{"|u1", "uint8"};
+rt::Error refused(const std::string& name, const std::string& what) {
+  return rt::Error{name + ": " + what};
+}
 
-template <class T>
-struct Parsed {
-  std::vector<std::size_t> shape;
-  std::vector<T> values;
+// A header, and where the data begin.
+struct Place {
+  HeaderParser::Header header;
+  std::size_t data_at = 0;
 };
 
-template <class T>
-rt::Result<Parsed<T>> parse(const std::string& bytes, const std::string& name,
-                            const Elements& wanted) {
-  constexpr std::size_t kSize = sizeof(T);
-  const auto fail = [&](const std::string& what) { return rt::Error{name + ": " + what}; };
-  if (bytes.size() < 10 || bytes.compare(0, 6, "\x93NUMPY") != 0) {
-    return fail("not an NPY file (the magic bytes are missing)");
-  }
+rt::Result<Place> place_of(const std::string& bytes, const std::string& name) {
+  if (bytes.size() < 10 || bytes.compare(0, 6, "\x93NUMPY") != 0)
+    return refused(name, "not an NPY file (the magic bytes are missing)");
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
   const unsigned major = byte(6);
-  if (major < 1 || major > 3) {
-    return fail("NPY format " + std::to_string(major) + "; allowed are 1, 2, 3");
-  }
+  if (major < 1 || major > 3)
+    return refused(name, "NPY format " + std::to_string(major) + "; allowed are 1, 2, 3");
   std::size_t start = 10;
   std::size_t length = byte(8) + 256U * byte(9);
   if (major >= 2) {
-    if (bytes.size() < 12) return fail("cut off inside the header");
+    if (bytes.size() < 12) return refused(name, "cut off inside the header");
     length += 65536U * byte(10) + 16777216U * static_cast<std::size_t>(byte(11));
     start = 12;
   }
-  if (bytes.size() - start < length) return fail("cut off inside the header");
+  if (bytes.size() - start < length) return refused(name, "cut off inside the header");
   const std::string text = bytes.substr(start, length);
   const auto header = HeaderParser(text).parse();
-  if (!header) return fail("malformed NPY header");
-  if (header->descr != wanted.descr) {
-    return fail("element type " + shown(header->descr) + "; allowed is '" + wanted.descr + "' (" +
-                wanted.words + ")");
-  }
-  if (header->fortran) return fail("Fortran order; allowed is C order (x, y, z)");
+  if (!header) return refused(name, "malformed NPY header");
+  if (header->fortran) return refused(name, "Fortran order; allowed is C order (x, y, z)");
+  return Place{*header, start + length};
+}
+
+template <class T>
+rt::Result<std::vector<T>> values_of(const std::string& bytes, const std::string& name,
+                                     const Place& place) {
   std::size_t count = 1;
-  const std::size_t have = bytes.size() - start - length;
-  for (const std::size_t n : header->shape) {
-    if (n != 0 && count > std::numeric_limits<std::size_t>::max() / n / kSize) {
-      return fail("shape too large");
-    }
+  const std::size_t have = bytes.size() - place.data_at;
+  for (const std::size_t n : place.header.shape) {
+    if (n != 0 && count > std::numeric_limits<std::size_t>::max() / n / sizeof(T))
+      return refused(name, "shape too large");
     count *= n;
   }
-  if (have != kSize * count) {
-    std::ostringstream what;
-    what << have << " bytes of data where the shape needs " << kSize * count;
-    return fail(what.str());
+  if (have != sizeof(T) * count) {
+    return refused(name, std::to_string(have) + " bytes of data where the shape needs " +
+                             std::to_string(sizeof(T) * count));
   }
-  Parsed<T> out;
-  out.shape = header->shape;
-  out.values.resize(count);
-  if (count > 0) std::memcpy(out.values.data(), bytes.data() + start + length, kSize * count);
+  std::vector<T> out(count);
+  if (count > 0) std::memcpy(out.data(), bytes.data() + place.data_at, have);
+  return out;
+}
+
+// NaN stays: of a field it is "unobserved".
+rt::Result<std::vector<float>> narrowed(const std::vector<double>& values,
+                                        const std::string& name) {
+  std::vector<float> out;
+  out.reserve(values.size());
+  for (const double v : values) {
+    if (std::isfinite(v) && std::abs(v) > double{std::numeric_limits<float>::max()})
+      return refused(name, "a value is beyond float32's range");
+    out.push_back(static_cast<float>(v));
+  }
   return out;
 }
 
@@ -195,9 +199,23 @@ rt::Result<std::string> whole(const std::string& path) {
 }  // namespace
 
 rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name) {
-  auto parsed = parse<float>(bytes, name, kFloats);
-  if (!parsed) return rt::Error{parsed.error()};
-  return NpyArray{std::move(parsed.value().shape), std::move(parsed.value().values)};
+  const auto place = place_of(bytes, name);
+  if (!place) return rt::Error{place.error()};
+  const std::string& kind = place.value().header.descr;
+  if (kind != "<f4" && kind != "<f8") {
+    return refused(name, "element type " + shown(kind) +
+                             "; allowed are '<f4' and '<f8' (little-endian float32, float64)");
+  }
+  rt::Result<std::vector<float>> floats = rt::Error{""};
+  if (kind == "<f4") {
+    floats = values_of<float>(bytes, name, place.value());
+  } else {
+    const auto doubles = values_of<double>(bytes, name, place.value());
+    if (!doubles) return rt::Error{doubles.error()};
+    floats = narrowed(doubles.value(), name);
+  }
+  if (!floats) return rt::Error{floats.error()};
+  return NpyArray{place.value().header.shape, std::move(floats.value())};
 }
 
 rt::Result<NpyArray> read_npy(const std::string& path) {
@@ -207,9 +225,14 @@ rt::Result<NpyArray> read_npy(const std::string& path) {
 }
 
 rt::Result<NpyLabels> parse_npy_labels(const std::string& bytes, const std::string& name) {
-  auto parsed = parse<std::uint8_t>(bytes, name, kBytes);
-  if (!parsed) return rt::Error{parsed.error()};
-  return NpyLabels{std::move(parsed.value().shape), std::move(parsed.value().values)};
+  const auto place = place_of(bytes, name);
+  if (!place) return rt::Error{place.error()};
+  const std::string& kind = place.value().header.descr;
+  if (kind != "|u1")
+    return refused(name, "element type " + shown(kind) + "; allowed is '|u1' (uint8)");
+  auto labels = values_of<std::uint8_t>(bytes, name, place.value());
+  if (!labels) return rt::Error{labels.error()};
+  return NpyLabels{place.value().header.shape, std::move(labels.value())};
 }
 
 rt::Result<NpyLabels> read_npy_labels(const std::string& path) {

@@ -1,6 +1,5 @@
-// Reads NPY arrays (format 1.0, 2.0, 3.0) in C order: fields of little-endian float32, labels of
-// uint8; nothing
-// else is accepted. Format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
+// Reads NPY arrays (format 1.0, 2.0, 3.0) in C order: fields of little-endian float32 or float64
+// (NumPy's default), labels of uint8; nothing else is accepted. Format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
 #pragma once
 
 #include <cstddef>

@@ -270,11 +270,25 @@ Image<std::uint16_t> segment_clicks(const SegmentOptions& o, const Image<Rgb>& r
   return out;
 }
 
+// A depth image lies as the camera saw it, so the colour image beside it has to.
+Image<Rgb> read_upright(const SegmentOptions& o) {
+  auto upright = take(read_colour(o.color, Orientation::kUpright));
+  if (o.depth.empty()) return upright;
+  auto stored = take(read_colour(o.color));
+  const std::size_t pixels = static_cast<std::size_t>(stored.width() * stored.height());
+  if (stored.width() != upright.width() ||
+      !std::equal(stored.data(), stored.data() + pixels, upright.data())) {
+    throw std::runtime_error(o.color + ": is turned by its EXIF orientation, " + o.depth +
+                             " is not: store the colour image upright, without that tag");
+  }
+  return stored;
+}
+
 }  // namespace
 
 void segment_image(const SegmentOptions& o) {
   check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.color, o.depth});
-  auto rgb = take(read_colour(o.color));
+  auto rgb = read_upright(o);
   // An image file's black is black. Without depth nothing asks (region_grow.hpp).
   if (!o.depth.empty()) perception::lift_black(rgb.view());
   if (rgb.width() < 2 || rgb.height() < 2)

@@ -17,7 +17,7 @@ namespace {
 
 void add_options(CLI::App& app, Options& o) {
   app.add_option("--field", o.field,
-                 "NPY, float32, signed distance in m, positive outside, NaN = "
+                 "NPY, float32 or float64, signed distance in m, positive outside, NaN = "
                  "unobserved, C order x,y,z");
   app.add_option("--fields", o.fields, "CSV t_s,file: fields that replace each other");
   app.add_option("--voxel", o.voxel_m, "node distance, m");

@@ -140,6 +140,61 @@ int connected_parts(const cv::Mat& labels) {
   return parts;
 }
 
+// A JPEG with an EXIF segment (APP1) that holds the orientation alone.
+std::vector<std::uint8_t> held(const cv::Mat& image, std::uint8_t orientation) {
+  std::vector<std::uint8_t> jpeg;
+  cv::imencode(".jpg", image, jpeg, {cv::IMWRITE_JPEG_QUALITY, 100});
+  const std::vector<std::uint8_t> exif{
+      0xFF, 0xE1,        0x00, 0x22, 'E', 'x', 'i', 'f', 0,
+      0,    'I',         'I',  42,   0,   8,   0,   0,   0,  // TIFF head
+      1,    0,           0x12, 0x01, 3,   0,   1,   0,   0,
+      0,    orientation, 0,    0,    0,   0,   0,   0,   0};  // one entry
+  jpeg.insert(jpeg.begin() + 2, exif.begin(), exif.end());
+  return jpeg;
+}
+
+// Each orientation of the standard (EXIF 2.3, tag 0x0112), by where its pixels lie.
+TEST_F(Segment, APhotographStandsAsItWasHeld) {
+  cv::Mat image(kH, kW, CV_8UC3);
+  for (int v = 0; v < kH; ++v)
+    for (int u = 0; u < kW; ++u)
+      image.at<cv::Vec3b>(v, u) =
+          cv::Vec3b(40, static_cast<std::uint8_t>(2 * u), static_cast<std::uint8_t>(3 * v));
+  for (std::uint8_t orientation = 1; orientation <= 8; ++orientation) {
+    const auto bytes = held(image, orientation);
+    const auto stored = teletact::decode_colour(bytes, "x");
+    const auto upright = teletact::decode_colour(bytes, "x", teletact::Orientation::kUpright);
+    ASSERT_TRUE(stored) << stored.error();
+    ASSERT_TRUE(upright) << upright.error();
+    const auto& s = stored.value();
+    const auto& r = upright.value();
+    const bool swapped = orientation >= 5;
+    ASSERT_EQ(r.width(), swapped ? kH : kW) << int{orientation};
+    ASSERT_EQ(r.height(), swapped ? kW : kH);
+    int wrong = 0;
+    for (int v = 0; v < r.height(); ++v) {
+      for (int u = 0; u < r.width(); ++u) {
+        const int right = r.width() - 1 - u, below = r.height() - 1 - v;
+        const int us[] = {u, right, right, u, v, v, below, below};
+        const int vs[] = {v, v, below, below, u, right, right, u};
+        wrong += s.at(us[orientation - 1], vs[orientation - 1]) == r.at(u, v) ? 0 : 1;
+      }
+    }
+    EXPECT_EQ(wrong, 0) << "orientation " << int{orientation};
+  }
+}
+
+// Upside down it has the depth image's size, and is not of its pixels.
+TEST_F(Segment, ATurnedPhotographBesideADepthImageIsRefused) {
+  const auto bytes = held(cv::imread(path("c.png")), 3);
+  std::ofstream(path("turned.jpg"), std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  auto args = with_depth({"--touch", "45,35"});
+  std::ranges::replace(args, path("c.png"), path("turned.jpg"));
+  EXPECT_NE(refusal(args).find("EXIF orientation"), std::string::npos) << refusal(args);
+}
+
 TEST_F(Segment, WholeWithDepthPartsWhatColourDoesNot) {
   // One colour; a box in front of a wall, and a strip without a reading.
   cv::Mat depth(kH, kW, CV_16UC1);

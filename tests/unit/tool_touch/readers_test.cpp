@@ -52,6 +52,20 @@ TEST(Npy, ReadsFormats) {
     EXPECT_EQ(a.value().shape, (std::vector<std::size_t>{1, 2, 3}));
     EXPECT_EQ(a.value().values[5], 6.0F);
   }
+  // float64, NumPy's default: the bytes of two doubles, and of one that float32 can not hold.
+  const auto of_doubles = [](const std::vector<double>& v) {
+    std::vector<float> halves(2 * v.size());
+    std::memcpy(halves.data(), v.data(), 8 * v.size());
+    return npy_bytes(halves, "(" + std::to_string(v.size()) + ",)", "<f8");
+  };
+  const auto doubles = teletact::parse_npy(of_doubles({0.1, -2.5}), "x");
+  ASSERT_TRUE(doubles) << doubles.error();
+  EXPECT_EQ(doubles.value().values, (std::vector<float>{0.1F, -2.5F}));
+  const auto hole = teletact::parse_npy(of_doubles({std::nan("")}), "x");
+  ASSERT_TRUE(hole) << hole.error();
+  EXPECT_TRUE(std::isnan(hole.value().values[0])) << "of a field: unobserved";
+  EXPECT_FALSE(teletact::parse_npy(of_doubles({1e300}), "x"));
+  EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2, 3}, "(2,)", "<f8"), "x")) << "12 bytes of 16";
   const auto labels = teletact::parse_npy_labels(npy_bytes({}, "(2, 1)", "|u1") + "\x05\x0f", "x");
   ASSERT_TRUE(labels) << labels.error();
   EXPECT_EQ(labels.value().values, (std::vector<std::uint8_t>{5, 15}));

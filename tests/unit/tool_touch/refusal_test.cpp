@@ -44,9 +44,9 @@ TEST_F(TouchRefusal, BadInputIsOneMessageAndNoFile) {
       {"origin", [&](auto& a) { a[4] = "--origin=1,2"; }, "--origin"},
       {"truncated field", [&](auto&) { write(dir_ / "floor.npy", floor(0).substr(0, 9000)); },
        "bytes of data"},
-      {"float64",
+      {"int32",
        [&](auto&) {
-         write(dir_ / "floor.npy", npy_bytes({1, 2}, "(1,)", "<f8"));
+         write(dir_ / "floor.npy", npy_bytes({1, 2}, "(2,)", "<i4"));
        },
        "<f4"},
       {"two dimensions",
