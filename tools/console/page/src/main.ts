@@ -4,16 +4,19 @@ import { Aimer } from './act/aim';
 import { Drive } from './act/drive';
 import { GamepadHand } from './act/gamepad';
 import { Held, tokenPeriod, watchLoss } from './act/held';
+import { KeyNames } from './act/key_names';
 import { listenToKeys } from './act/keys';
+import { Pads } from './act/pads';
 import { Pointer } from './act/pointer';
 import { Selecting } from './act/selecting';
 import { Tools } from './act/tools';
 import { button, by, h } from './panel/dom';
-import { fillHelp, Steps } from './panel/guides';
+import { Help, Steps } from './panel/guides';
 import { Health } from './panel/health';
 import { Inset } from './panel/inset';
 import { Lists } from './panel/lists';
 import { Pad } from './panel/pad';
+import { PadNote } from './panel/pad_note';
 import { entries, Rail } from './panel/rail';
 import { applyTheme, Session } from './panel/session';
 import { silentText, StopNote } from './panel/stop_note';
@@ -40,8 +43,6 @@ const panelsLatest = 500;  // ms: then also without a frame
 const flushPeriod = 33;    // ms: at the rate of poses, also while nothing is drawn
 const mostTimes = 256;     // of the mesh, for its percentile
 const padPeriod = 50;      // ms between looks at the gamepad
-
-const gamepads = () => navigator.getGamepads?.() ?? [];
 
 let alsoSay: (text: string) => void = () => {};  // to whoever wears a headset
 
@@ -73,14 +74,18 @@ class Page {
   readonly selecting = new Selecting(this.acts);
   readonly tools = new Tools(this.acts, this.things, this.aimer, this.selecting,
     () => this.stage.touch());
+  readonly pads = new Pads(() => navigator.getGamepads?.() ?? [], localStorage);
   readonly drive = new Drive(this.link, this.held, { why: () => this.lockReason() },
-    why => say(`Driving is locked: ${why}`, 'refused'), gamepads);
+    why => say(`Driving is locked: ${why}`, 'refused'), this.pads);
   readonly pointer = new Pointer(this.stage, this.aimer, this.tools,
     ray => this.lists.choose(this.things.under(ray)));
   readonly rail = new Rail(this.tools, this.stage, this.acts, this.store);
   readonly inset = new Inset(this.store, this.tools, this.selecting,
     () => { if (this.tools.name !== 'object') this.rail.choose('object'); });
-  readonly top = new TopBar(this.acts, this.store);
+  readonly names = new KeyNames();
+  readonly padNote = new PadNote(this.pads, text => say(text, 'news'));
+  readonly help = new Help(this.names, () => this.padNote.begin());
+  readonly top = new TopBar(this.acts, this.store, () => this.help.open());
   readonly stopNote = new StopNote();
   readonly lists = new Lists(this.acts, this.store, this.stage, this.things);
   readonly health = new Health(this.acts, this.store, this.stage, () => this.figures());
@@ -109,7 +114,7 @@ class Page {
       this.hand.group, this.things.group);
     this.showTab = tabs({ Scene: this.lists.pane, Health: this.health.pane,
       Timeline: this.timeline.pane, Session: this.session.pane });
-    fillHelp();
+    void this.names.ask();
     this.themed();
     this.hear();
     this.keys();
@@ -131,10 +136,11 @@ class Page {
     setInterval(() => this.store.flush(), flushPeriod);
     setInterval(() => this.held.greet(), tokenPeriod);
     alsoSay = text => this.headset.tell(text);
-    const hand = new GamepadHand(gamepads, this.pointer, this.stage.canvas);
+    const hand = new GamepadHand(this.pads, this.pointer, this.stage.canvas);
     setInterval(() => {
       this.drive.pollGamepad();
       hand.poll();
+      this.padNote.poll();
     }, padPeriod);
     this.link.watchAddress();
     void this.link.start();
@@ -218,24 +224,29 @@ class Page {
   }
 
   private keys(): void {
-    const plain: Record<string, () => void> = {
-      g: () => void this.acts.engage(), h: () => this.acts.hold(), c: () => this.acts.clear(),
-      z: () => this.acts.undo(), v: () => { this.rail.nextLook(); this.pointer.buttons(); },
-      r: () => this.acts.record(!this.timeline.recording),
-      n: () => { this.showTab('Timeline'); this.timeline.focusNote(); },
-      y: () => void this.selecting.accept(''),
-      '?': () => by<HTMLDialogElement>('help').showModal(),
-      '+': () => this.zoom(0.87), '=': () => this.zoom(0.87), '-': () => this.zoom(1.15),
-      delete: () => this.deleteChosen(),
+    const { acts } = this;
+    listenToKeys(this.stage.canvas, this.drive, this.names, {
+      stop: () => acts.stop(),
       escape: () => {
         this.pointer.cancel();
         this.selecting.drop();
         this.tools.forget.cancel();
         this.lists.choose(null);
       },
-    };
-    for (const entry of entries) plain[entry.key] = () => this.rail.choose(entry.name);
-    listenToKeys(this.stage.canvas, this.drive, { stop: () => this.acts.stop(), plain });
+      tool: digit => {
+        const entry = entries.find(e => e.key === digit);
+        if (entry) this.rail.choose(entry.name);
+      },
+      acts: {
+        engage: () => void acts.engage(), hold: () => acts.hold(), clear: () => acts.clear(),
+        undo: () => acts.undo(), record: () => acts.record(!this.timeline.recording),
+        view: () => { this.rail.nextLook(); this.pointer.buttons(); },
+        note: () => { this.showTab('Timeline'); this.timeline.focusNote(); },
+        accept: () => void this.selecting.accept(''), delete: () => this.deleteChosen(),
+        help: () => this.help.open(),
+        nearer: () => this.zoom(0.87), farther: () => this.zoom(1.15),
+      },
+    });
   }
 
   private deleteChosen(): void {

@@ -247,7 +247,7 @@ test('the acts by keyboard alone', async () => {
   await until('a mark', () => twin.count('mark') === marks + 1);
   assert.ok((twin.newest('mark')!.points as Vec3[]).length > 2);
   const undone = twin.count('undo');
-  await keyboard.press('z');
+  await keyboard.press('Control+z');
   await until('the undo', () => twin.count('undo') === undone + 1);
   await keyboard.press('r');
   await until('the recording', () => twin.desk.recording);

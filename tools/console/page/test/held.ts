@@ -4,6 +4,7 @@ import { test } from 'node:test';
 import { Drive } from '../src/act/drive';
 import { GamepadHand } from '../src/act/gamepad';
 import { Held } from '../src/act/held';
+import { Pads } from '../src/act/pads';
 import { Hold } from '../src/wire/types';
 import { until } from './browser';
 
@@ -28,7 +29,7 @@ function bench() {
   const gate = { why: null as string | null };
   const pads: (Gamepad | null)[] = [];
   const drive = new Drive(road, held, { why: () => gate.why }, why => refused.push(why),
-    () => pads);
+    new Pads(() => pads));
   const newest = () => told.filter(t => t.act === 'token').pop()?.keys.holds as Hold[];
   return { told, lost, refused, clock, held, drive, gate, pads, newest };
 }
@@ -166,7 +167,7 @@ test('a gamepad moves the cross-hair and presses there, but not while it drives'
   const pads: (Gamepad | null)[] = [gamepad([])];
   const moves: [number, number][] = [];
   const presses: string[] = [];
-  const hand = new GamepadHand(() => pads, { moveCross: (dx, dy) => moves.push([dx, dy]),
+  const hand = new GamepadHand(new Pads(() => pads), { moveCross: (dx, dy) => moves.push([dx, dy]),
     pressCross: () => presses.push('down'),
     releaseCross: lost => presses.push(lost ? 'lost' : 'up') },
   { focus: () => presses.push('focus') }, () => clock.now);

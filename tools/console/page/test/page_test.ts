@@ -3,6 +3,7 @@
 import './quantiles';
 import './readers';
 import './held';
+import './key_meanings';
 import './picture_age';
 import './picture_hit';
 import './drawing';
@@ -12,5 +13,7 @@ import './acts';
 import './sessions';
 import './lapses';
 import './panels';
+import './keyboards';
+import './pads';
 import './sizes';
 import './headset';

@@ -183,7 +183,7 @@ test('another object by keys alone, in the picture; and taken back', async () =>
   const objects = async () => ((await slow()).objects ?? []).length;
   await until('the object', async () => await objects() === 2);
   await keyboard.press('Escape');
-  await keyboard.press('z');
+  await keyboard.press('Control+z');
   await until('the bin alone', async () => await objects() === 1);
 });
 

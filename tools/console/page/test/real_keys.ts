@@ -36,9 +36,9 @@ test('a keep-out by keys, chosen in the list, deleted, taken back', async () => 
   await press('Delete');
   await until('none', async () => await keepOuts() === 0);
   await press('Escape');
-  await press('z');
+  await press('Control+z');
   await until('it again', async () => await keepOuts() === 1);
-  await press('z');
+  await press('Control+z');
   await until('none', async () => await keepOuts() === 0);
 });
 
@@ -69,7 +69,7 @@ test('a mark by keys, and taken back', async () => {
   });
   assert.ok(((await sent('mark')).pop()!.points as unknown[]).length > 1);
   await until('it', async () => ((await slow()).marks ?? []).length === 1);
-  await press('z');
+  await press('Control+z');
   await until('none', async () => ((await slow()).marks ?? []).length === 0);
 });
 

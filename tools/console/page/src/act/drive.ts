@@ -1,6 +1,7 @@
 // Dead-man driving: as long as keys, a pad on the screen, or a gamepad's shoulder button with its
 // stick are held. The box limits speed; here 1 is the speed chosen on the page.
 import { Held } from './held';
+import { PadReading } from './pads';
 
 export interface DriveRoad {
   tell: (act: string, keys: object) => number;
@@ -10,28 +11,9 @@ export interface DriveGate {
   why: () => string | null;  // why driving is not possible now
 }
 
-// vx vy wz, by the key's place on the keyboard, so that other layouts have them there too.
-export const driveKeys: Record<string, [number, number, number]> = {
-  KeyW: [1, 0, 0], KeyS: [-1, 0, 0],
-  KeyA: [0, 1, 0], KeyD: [0, -1, 0],
-  KeyQ: [0, 0, 1], KeyE: [0, 0, -1],
-};
-
 const period = 50;             // ms between commands
 const turn = 2;                // rad/s a m/s
-const deadZone = 0.15;         // of a stick
-export const deadManButton = 5;  // right shoulder of the standard gamepad
-
-type Command = [number, number, number];
-
-export function isStandard(pad: Gamepad | null): pad is Gamepad {
-  return pad !== null && pad.connected && pad.mapping === 'standard';
-}
-
-export function stick(pad: Gamepad, axis: number): number {
-  const value = pad.axes[axis] ?? 0;
-  return Math.abs(value) < deadZone ? 0 : value;
-}
+export type Command = [number, number, number];  // vx vy wz
 
 export class Drive {
   speed = 0.3;                 // m/s
@@ -43,7 +25,7 @@ export class Drive {
 
   constructor(private readonly road: DriveRoad, private readonly held: Held,
     private readonly gate: DriveGate, private readonly refused: (why: string) => void,
-    private readonly pads: () => (Gamepad | null)[]) {
+    private readonly pads: { reading: () => PadReading | null }) {
     held.onLost((_, holds) => { if (holds.includes('drive')) this.forget(); });
   }
 
@@ -75,8 +57,8 @@ export class Drive {
   // Gamepads have no events of their own. Asked by a timer, never by frames alone: where none is
   // drawn, a button that was let go would not be seen.
   pollGamepad(): void {
-    const pad = this.pads().find(isStandard);
-    const held = pad?.buttons[deadManButton]?.pressed ?? false;
+    const pad = this.pads.reading();
+    const held = pad?.deadMan ?? false;
     const fresh = held && !this.padWasHeld;
     this.padWasHeld = held;
     if (!held || !pad) {
@@ -92,7 +74,7 @@ export class Drive {
       else this.pad = [0, 0, 0];
       if (this.pad) this.begin();
     }
-    if (this.pad) this.pad = [-stick(pad, 1), -stick(pad, 0), -stick(pad, 2)];
+    if (this.pad) this.pad = [pad.forward, pad.left, pad.turn];
   }
 
   // The box refuses a command: the hold is let go and told once, not 20 times a second. False: the

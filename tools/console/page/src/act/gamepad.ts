@@ -1,6 +1,6 @@
 // A gamepad as the hand: its left stick moves the cross-hair, its button A presses there, with the
 // tool that is chosen. While the dead-man button is held the sticks drive and the cross-hair rests.
-import { deadManButton, isStandard, stick } from './drive';
+import { PadReading } from './pads';
 
 export interface Cross {
   moveCross: (dx: number, dy: number) => void;
@@ -8,7 +8,6 @@ export interface Cross {
   releaseCross: (lost?: boolean) => void;
 }
 
-const pressButton = 0;       // A, the lowest of the four
 const crossSpeed = 400;      // px/s at the end of the stick
 const longestStep = 0.1;     // s: after a stall the cross-hair does not jump
 
@@ -17,8 +16,8 @@ export class GamepadHand {
   private pressed = false;   // the cross-hair, by this button
   private last: number;
 
-  constructor(private readonly pads: () => (Gamepad | null)[], private readonly cross: Cross,
-    private readonly scene: { focus: () => void },
+  constructor(private readonly pads: { reading: () => PadReading | null },
+    private readonly cross: Cross, private readonly scene: { focus: () => void },
     private readonly now = () => performance.now()) {
     this.last = now();
   }
@@ -26,13 +25,13 @@ export class GamepadHand {
   poll(): void {
     const passed = Math.min(longestStep, (this.now() - this.last) / 1000);
     this.last = this.now();
-    const pad = this.pads().find(isStandard);
-    const held = pad?.buttons[pressButton]?.pressed ?? false;
+    const pad = this.pads.reading();
+    const held = pad?.press ?? false;
     const fresh = held && !this.wasPressed;
     this.wasPressed = held;
     if (this.pressed && !held) {
       this.pressed = false;
-      this.cross.releaseCross(pad === undefined);
+      this.cross.releaseCross(pad === null);
     }
     if (!pad) return;
     if (fresh) {
@@ -40,8 +39,8 @@ export class GamepadHand {
       this.pressed = true;
       this.cross.pressCross();
     }
-    if (pad.buttons[deadManButton]?.pressed) return;
-    const [dx, dy] = [stick(pad, 0), stick(pad, 1)];
+    if (pad.deadMan) return;
+    const [dx, dy] = [0 - pad.left, 0 - pad.forward];
     if (dx !== 0 || dy !== 0) {
       this.cross.moveCross(dx * crossSpeed * passed, dy * crossSpeed * passed);
     }

@@ -1,10 +1,14 @@
 // Keys of the page. Space stops wherever the focus is, but in a text being typed. Motion keys act
 // only while no control has the focus.
-import { Drive, driveKeys } from './drive';
+import { Drive } from './drive';
+import { isStop, Meaning, meaningOf } from './key_meaning';
+import { KeyNames } from './key_names';
 
 export interface KeyActs {
   stop: () => void;
-  plain: Record<string, () => void>;  // by event.key in lower case, or by event.code
+  escape: () => void;
+  acts: Record<(Meaning & { kind: 'act' })['act'], () => void>;
+  tool: (digit: string) => void;
 }
 
 function isText(target: EventTarget | null): boolean {
@@ -18,40 +22,42 @@ function isControl(target: EventTarget | null): boolean {
     && target.closest('button, input, select, textarea, a[href], dialog, #picture') !== null;
 }
 
-export function listenToKeys(canvas: HTMLCanvasElement, drive: Drive, acts: KeyActs): void {
+export function listenToKeys(canvas: HTMLCanvasElement, drive: Drive, names: KeyNames,
+  acts: KeyActs): void {
   addEventListener('keydown', event => {
-    if (event.code === 'Space' && !isText(event.target)) {
+    if (isStop(event) && !isText(event.target)) {
       event.preventDefault();
       event.stopPropagation();
       if (!event.repeat) acts.stop();
       return;
     }
+    // While it is down, macOS tells of no key that is let go.
+    if (event.key === 'Meta') drive.releaseAll();
     const inPicture = (event.target as HTMLElement).closest?.('#picture') ?? null;
-    if (event.key === 'Escape' && !(event.target as HTMLElement).closest?.('dialog')) {
+    const inDialog = Boolean((event.target as HTMLElement).closest?.('dialog'));
+    if (event.key === 'Escape' && !event.isComposing && !inDialog) {
       drive.releaseAll();
       canvas.focus();
       // From the picture it only leads back: what was chosen there is kept.
-      if (inPicture === null) acts.plain.escape?.();
+      if (inPicture === null) acts.escape();
       return;
     }
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const accepts = inPicture !== null && event.key.toLowerCase() === 'y';
-    const deletes = event.target instanceof HTMLButtonElement && event.key === 'Delete';
+    names.learn(event);
+    const meaning = meaningOf(event);
+    if (meaning === null) return;
+    const act = meaning.kind === 'act' ? meaning.act : null;
+    const accepts = inPicture !== null && act === 'accept';
+    const deletes = event.target instanceof HTMLButtonElement && act === 'delete';
     if (isControl(event.target) && !accepts && !deletes) return;
-    const command = driveKeys[event.code];
-    if (command) {
-      event.preventDefault();
-      // A key that was down before the loss repeats: that is no new press.
-      if (!event.repeat) drive.press(event.code, command);
-      return;
-    }
-    const plain = acts.plain[event.key.toLowerCase()] ?? acts.plain[event.code];
-    if (!plain || event.repeat) return;
     event.preventDefault();
-    plain();
+    // A key that was down before the loss repeats: that is no new press.
+    if (event.repeat) return;
+    if (meaning.kind === 'drive') drive.press(event.code, meaning.command);
+    else if (meaning.kind === 'tool') acts.tool(meaning.digit);
+    else acts.acts[meaning.act]();
   }, { capture: true });
   addEventListener('keyup', event => {
-    if (event.code === 'Space' && !isText(event.target)) event.preventDefault();
+    if (isStop(event) && !isText(event.target)) event.preventDefault();
     drive.release(event.code);
   }, { capture: true });
   // From the scene to a control while a key is down: the key no longer counts.

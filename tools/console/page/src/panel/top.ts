@@ -34,7 +34,7 @@ export class TopBar {
   private readonly role = new Chip('Role', 'extra');
   private readonly engage: HTMLButtonElement;
 
-  constructor(private readonly acts: Acts, private readonly store: Store) {
+  constructor(private readonly acts: Acts, private readonly store: Store, help: () => void) {
     by('chips').append(...[this.mode, this.link, this.task, this.tracking, this.device,
       this.role]
       .map(chip => chip.element));
@@ -42,9 +42,8 @@ export class TopBar {
     by('commands').append(this.engage,
       button('Hold', () => acts.hold(), { 'aria-keyshortcuts': 'H' }),
       button('Clear', () => acts.clear(), { 'aria-keyshortcuts': 'C' }),
-      button('Undo', () => acts.undo(), { 'aria-keyshortcuts': 'Z' }),
-      button('?', () => by<HTMLDialogElement>('help').showModal(),
-        { 'aria-label': 'Keys', 'aria-keyshortcuts': '?' }));
+      button('Undo', () => acts.undo(), { 'aria-keyshortcuts': 'Control+Z' }),
+      button('?', help, { 'aria-label': 'Keys', 'aria-keyshortcuts': '?' }));
     const stop = by<HTMLButtonElement>('stop');
     stop.setAttribute('aria-label', 'Stop');
     // On press, not on release: a click waits for the finger to be lifted.
