@@ -13,7 +13,8 @@ await build({ entryPoints: ['src/main.ts'], outfile: `${site}/page.js`, bundle: 
   format: 'esm', target: 'es2022', minify: true, legalComments: 'external', logLevel: 'warning' });
 for (const file of ['index.html', 'style.css', 'icon.svg']) cpSync(file, `${site}/${file}`);
 const programs = { twin: 'twin/twin_main', page_test: 'test/page_test',
-  real_test: 'test/real_test', boxes_test: 'test/boxes_test', measure: 'test/measure',
+  real_test: 'test/real_test', boxes_test: 'test/boxes_test',
+  firefox_test: 'test/firefox_test', measure: 'test/measure',
   film: 'test/film', pictures: 'test/pictures' };
 for (const [name, file] of Object.entries(programs)) {
   await build({ ...node, entryPoints: [`${file}.ts`], outfile: `run/${name}.mjs` });

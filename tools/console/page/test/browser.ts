@@ -24,6 +24,7 @@ export async function launch(): Promise<Browser> {
 // without. Playwright has no switch for it, so the question is taken back where it was asked.
 export async function newPage(context: BrowserContext): Promise<Page> {
   const page = await context.newPage();
+  if (context.browser()?.browserType().name() !== 'chromium') return page;
   const { _connection: connection } = page as unknown as Inner;
   await connection.toImpl(page).delegate._mainFrameSession._client.send('Network.disable');
   return page;

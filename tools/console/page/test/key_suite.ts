@@ -6,7 +6,7 @@ import { driveKeys, letters } from '../src/act/key_meaning';
 import { Intent } from '../twin/desk';
 import { TwinBox } from '../twin/box';
 import { Desk, until } from './browser';
-import { Key, keyOf, keysOf, triedLayouts } from './layouts';
+import { Key, keyOf, keysOf, LayoutName } from './layouts';
 
 export interface Modifiers { shift?: boolean; ctrl?: boolean; inputMethod?: boolean }
 
@@ -17,7 +17,8 @@ export interface Keyboard {
 
 const space: Key = { key: ' ', code: 'Space' };
 
-export function keySuite(desk: Desk, twin: TwinBox, keyboard: Keyboard): void {
+export function keySuite(desk: Desk, twin: TwinBox, keyboard: Keyboard,
+  layouts: LayoutName[]): void {
   const { page } = desk;
   const press = async (key: Key, modifiers: Modifiers = {}) => {
     await keyboard.down(key, modifiers);
@@ -38,7 +39,7 @@ export function keySuite(desk: Desk, twin: TwinBox, keyboard: Keyboard): void {
     await until('the undo', () => acts(since).some(i => i.act === 'undo'));
   };
 
-  for (const name of triedLayouts) {
+  for (const name of layouts) {
     const keys = keysOf(name);
     test(`${name}: no key but those of driving moves the robot`, async () => {
       await desk.live();

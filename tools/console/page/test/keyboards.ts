@@ -1,6 +1,6 @@
 // Keyboards of other people, in Chromium: by its own events, which name key and place apart.
 import { context, desk, twin } from './bench';
-import { Key } from './layouts';
+import { Key, triedLayouts } from './layouts';
 import { Keyboard, keySuite, Modifiers } from './key_suite';
 
 const cdp = await context.newCDPSession(desk.page);
@@ -17,4 +17,4 @@ const keyboard: Keyboard = {
   down: (key, modifiers) => send('rawKeyDown', key, modifiers),
   up: (key, modifiers) => send('keyUp', key, modifiers),
 };
-keySuite(desk, twin, keyboard);
+keySuite(desk, twin, keyboard, triedLayouts);

@@ -7,7 +7,7 @@ interface KeyboardOfNavigator { getLayoutMap?: () => Promise<Map<string, string>
 export class KeyNames {
   onChange: () => void = () => {};
   private readonly told = new Map<string, string>();    // key by place
-  private readonly learned = new Map<string, string>();
+  private readonly learned = new Map<string, string>();  // the newest press last
 
   async ask(keyboard = (navigator as { keyboard?: KeyboardOfNavigator }).keyboard): Promise<void> {
     const map = await keyboard?.getLayoutMap?.().catch(() => null);
@@ -22,12 +22,13 @@ export class KeyNames {
     // Shift gives another sign where there is no letter.
     if (press.shiftKey && !/\p{L}/u.test(press.key)) return;
     const key = press.key.toLowerCase();
-    if (this.learned.get(press.code) === key) return;
-    // What the browser told is of another layout; so is what was learned in one that is left.
+    const before = this.learned.get(press.code);
+    if (before !== undefined && before !== key) this.forgetBefore(press.code);
+    // What the browser told is of another layout.
     if (this.told.has(press.code) && this.told.get(press.code) !== key) this.told.clear();
-    if (this.learned.has(press.code)) this.learned.clear();
+    this.learned.delete(press.code);
     this.learned.set(press.code, key);
-    this.onChange();
+    if (before !== key) this.onChange();
   }
 
   // All places of driving are known by the person's own names.
@@ -49,6 +50,14 @@ export class KeyNames {
     }
     const own = this.at(`Key${plain}`);
     return own !== null && isForeign(own) ? `${own.toUpperCase()} (${plain})` : plain;
+  }
+
+  // The layout was changed after this key was pressed last: what was learned before is of that one.
+  private forgetBefore(code: string): void {
+    for (const older of [...this.learned.keys()]) {
+      this.learned.delete(older);
+      if (older === code) return;
+    }
   }
 
   private at(code: string): string | null {
