@@ -65,7 +65,15 @@ rt::Result<std::unique_ptr<ConsoleServer::Impl>> ConsoleServer::prepare(
     if (context == nullptr) return rt::Error{options.keys + ": TLS takes none of it"};
     core.tls = std::make_unique<boost::asio::ssl::context>(context);
   }
-  if (const std::string bad = core.listen(at, names_of(options, at)); !bad.empty())
+  std::optional<PublicAddress> known;
+  if (!options.public_url.empty()) {
+    auto parsed = PublicAddress::parse(options.public_url);
+    if (!parsed) return rt::Error{parsed.error()};
+    known = std::move(parsed).value();
+    if (!options.keys.empty() && !known->secure)
+      return rt::Error{"console public address '" + options.public_url + "': with keys, https"};
+  }
+  if (const std::string bad = core.listen(at, names_of(options, at), known); !bad.empty())
     return rt::Error{bad};
   impl->host = !options.names.empty() ? options.names.front()
                : at.is_unspecified()  ? "localhost"
@@ -107,6 +115,7 @@ void ConsoleServer::stop() {
 int ConsoleServer::port() const noexcept { return impl_->core.port; }
 
 std::string ConsoleServer::address() const {
+  if (const auto& known = impl_->core.names->known()) return known->origin + known->path;
   return (impl_->core.tls ? "https://" : "http://") + impl_->host + ":" + std::to_string(port()) +
          "/";
 }

@@ -42,6 +42,9 @@ struct ConsoleOptions {
   // Host names by which browsers may address this server, without the port. Of loopback they are
   // known (127.0.0.1, localhost, ::1); the address itself is always one.
   std::vector<std::string> names;
+  // Where browsers find it through a tunnel or a proxy, besides; empty: nowhere else. See
+  // public_address.hpp. It is what is printed then.
+  std::string public_url;
   // Folder with web.key, web.crt, ca.crt, ca.crl, as `teletact keys web` writes it. Empty: plain
   // HTTP.
   std::string keys;

@@ -20,6 +20,10 @@ constexpr auto kSendLimit = std::chrono::seconds{60};
 constexpr char kPolicy[] =
     "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
+// The page looks for the option's name, and adds its own address.
+constexpr char kPublicHint[] =
+    "start the box with --console-public and the address that the browser shows";
+
 std::string_view text_of(beast::string_view s) { return {s.data(), s.size()}; }
 
 std::string_view path_of(std::string_view target) { return target.substr(0, target.find('?')); }
@@ -99,8 +103,13 @@ std::string_view HttpConnection::field(http::field name) const {
 
 bool HttpConnection::good_names() {
   const std::string_view host = field(http::field::host);
+  const std::string port_text = std::to_string(core_.port);
   if (request_.count(http::field::host) != 1 || !core_.names->good_host(host)) {
-    refuse(Refusal::kHost, Status::misdirected_request, "this server has another name");
+    refuse(Refusal::kHost, Status::misdirected_request,
+           "this server has another name: open the address that the box printed. Through a tunnel, "
+           "forward the same port (ssh -L " +
+               port_text + ":127.0.0.1:" + port_text + "); behind a proxy or by another port, " +
+               kPublicHint);
     return false;
   }
   const bool page = request_.method() == http::verb::get && !beast::websocket::is_upgrade(request_);
@@ -108,7 +117,9 @@ bool HttpConnection::good_names() {
     return true;  // what changes nothing may be asked for from anywhere: it can not be read there
   if (request_.count(http::field::origin) != 1 ||
       !core_.names->good_origin(field(http::field::origin), host)) {
-    refuse(Refusal::kOrigin, Status::forbidden, "asked by a page of another origin");
+    refuse(Refusal::kOrigin, Status::forbidden,
+           std::string("asked by a page of another origin: behind a proxy or a tunnel ") +
+               kPublicHint);
     return false;
   }
   return true;
@@ -120,9 +131,29 @@ std::uint32_t HttpConnection::session_of_cookie() {
   return secret.empty() ? 0 : core_.sessions.find(secret, rt::monotonic_ns());
 }
 
+std::string_view HttpConnection::target() const {
+  return core_.names->inside(text_of(request_.target()));
+}
+
+// The page names its files from its folder: without the last '/' of the public address they would
+// be looked for beside it.
+bool HttpConnection::go_into_folder() {
+  const auto& known = core_.names->known();
+  if (!known || known->path.size() == 1) return false;
+  const std::string_view folder = std::string_view(known->path).substr(0, known->path.size() - 1);
+  if (path_of(text_of(request_.target())) != folder) return false;
+  Response response(Status::permanent_redirect, request_.version());
+  response.set(http::field::location, known->path);
+  response.set(http::field::cache_control, "no-store");
+  response.body() = std::make_shared<std::string>();
+  send(std::move(response));
+  return true;
+}
+
 void HttpConnection::handle() {
   if (!good_names()) return;
-  const std::string_view path = path_of(text_of(request_.target()));
+  if (go_into_folder()) return;
+  const std::string_view path = path_of(target());
   const std::uint32_t session = session_of_cookie();
   if (request_.method() == http::verb::post) {
     // A form of another page can not send this type.
@@ -141,7 +172,7 @@ void HttpConnection::handle() {
 }
 
 void HttpConnection::handle_page() {
-  const std::vector<std::string> segments = page_path(text_of(request_.target()));
+  const std::vector<std::string> segments = page_path(target());
   if (segments.empty()) return refuse(Refusal::kPath, Status::not_found, "no such file");
   PageFiles::Content content = core_.page.get(segments);
   if (!content) return refuse(Refusal::kPath, Status::not_found, "no such file");
@@ -154,7 +185,7 @@ void HttpConnection::handle_page() {
 
 void HttpConnection::handle_post(std::uint32_t session) {
   if (session == 0) return refuse(Refusal::kSession, Status::unauthorized, "no session");
-  const std::string_view path = path_of(text_of(request_.target()));
+  const std::string_view path = path_of(target());
   if (path == "/stop") {
     core_.stop_asked(session);
     return reply_json(Status::ok, "{\"ok\":true}");
@@ -178,8 +209,16 @@ void HttpConnection::open_session(std::uint32_t before) {
   core_.tell_roles();
   reply_json(Status::ok,
              "{\"role\":\"" + std::string(role_text(core_.sessions.person(session).role)) + "\"}",
-             core_.cookie_name + "=" + secret_text(fresh) + "; Path=/; HttpOnly; SameSite=Strict" +
-                 (stream_.secure() ? "; Secure" : ""));
+             cookie_of(secret_text(fresh)));
+}
+
+// By the public address the cookie is for its path, and as secure as that.
+std::string HttpConnection::cookie_of(const std::string& secret) const {
+  const bool by_public = core_.names->is_public(field(http::field::origin));
+  const bool secure = stream_.secure() || (by_public && core_.names->known()->secure);
+  return core_.cookie_name + "=" + secret +
+         "; Path=" + (by_public ? core_.names->known()->path : "/") +
+         "; HttpOnly; SameSite=Strict" + (secure ? "; Secure" : "");
 }
 
 void HttpConnection::open_view_link(std::uint32_t session) {

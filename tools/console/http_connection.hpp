@@ -62,6 +62,9 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void open_view_link(std::uint32_t session);
   void upgrade(std::uint32_t session);
   [[nodiscard]] bool good_names();
+  [[nodiscard]] bool go_into_folder();
+  [[nodiscard]] std::string_view target() const;  // without the path of the public address
+  [[nodiscard]] std::string cookie_of(const std::string& secret) const;
   [[nodiscard]] std::uint32_t session_of_cookie();
   [[nodiscard]] std::string_view field(boost::beast::http::field name) const;
 

@@ -33,7 +33,8 @@ ServerCore::ServerCore(const ConsoleOptions& o, ConsoleCallbacks c, PageFiles p)
       page(std::move(p)) {}
 
 std::string ServerCore::listen(const boost::asio::ip::address& address,
-                               const std::vector<std::string>& good_names) {
+                               const std::vector<std::string>& good_names,
+                               const std::optional<PublicAddress>& known) {
   const boost::asio::ip::tcp::endpoint end(address, static_cast<std::uint16_t>(options.port));
   const std::string place = "console " + options.address + ":" + std::to_string(options.port);
   boost::system::error_code failed;
@@ -44,9 +45,13 @@ std::string ServerCore::listen(const boost::asio::ip::address& address,
   if (!failed) acceptor_.listen(boost::asio::socket_base::max_listen_connections, failed);
   if (failed) return place + ": " + failed.message();
   port = acceptor_.local_endpoint(failed).port();
-  names = std::make_unique<WebNames>(good_names, port, tls != nullptr);
-  // Cookies do not know ports: two servers of one host must not take each other's.
+  names = std::make_unique<WebNames>(good_names, port, tls != nullptr, known);
+  // Cookies do not know ports: two servers of one host must not take each other's, nor two tunnels
+  // that end at one host and come from the same port of two.
   cookie_name = "teletact_" + std::to_string(port);
+  const std::size_t colon = known ? known->host.rfind(':') : std::string::npos;
+  if (colon != std::string::npos && known->host.back() != ']')
+    cookie_name += "_" + known->host.substr(colon + 1);
   return {};
 }
 

@@ -13,6 +13,7 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -62,7 +63,8 @@ class ServerCore {
   ServerCore(const ConsoleOptions& options, ConsoleCallbacks callbacks, PageFiles page);
   // Empty, or what is wrong.
   [[nodiscard]] std::string listen(const boost::asio::ip::address& address,
-                                   const std::vector<std::string>& names);
+                                   const std::vector<std::string>& names,
+                                   const std::optional<PublicAddress>& known);
   void run();        // the thread
   void shut_down();  // on the thread; it ends soon after
 

@@ -10,13 +10,6 @@ namespace {
 
 constexpr std::size_t kMostSegments = 8, kMostSegment = 64;
 
-std::string lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return out;
-}
-
 int hex_digit(char c) {
   if (c >= '0' && c <= '9') return c - '0';
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
@@ -50,22 +43,38 @@ bool good_segment(std::string_view s) {
 
 }  // namespace
 
-WebNames::WebNames(const std::vector<std::string>& names, int port, bool tls)
-    : scheme_(tls ? "https://" : "http://") {
+WebNames::WebNames(const std::vector<std::string>& names, int port, bool tls,
+                   std::optional<PublicAddress> known)
+    : scheme_(tls ? "https://" : "http://"), public_(std::move(known)) {
   for (const std::string& name : names) {
     const bool six = name.find(':') != std::string::npos && name.front() != '[';
-    const std::string host = lower(six ? "[" + name + "]" : name);
+    const std::string host = ascii_lower(six ? "[" + name + "]" : name);
     hosts_.push_back(host + ":" + std::to_string(port));
     if (port == (tls ? 443 : 80)) hosts_.push_back(host);  // browsers leave it out
   }
 }
 
+bool WebNames::own_host(std::string_view host) const {
+  return std::find(hosts_.begin(), hosts_.end(), ascii_lower(host)) != hosts_.end();
+}
+
 bool WebNames::good_host(std::string_view host) const {
-  return std::find(hosts_.begin(), hosts_.end(), lower(host)) != hosts_.end();
+  return own_host(host) || (public_ && ascii_lower(host) == public_->host);
+}
+
+bool WebNames::is_public(std::string_view origin) const {
+  return public_ && ascii_lower(origin) == public_->origin;
 }
 
 bool WebNames::good_origin(std::string_view origin, std::string_view host) const {
-  return good_host(host) && lower(origin) == scheme_ + lower(host);
+  if (own_host(host) && ascii_lower(origin) == scheme_ + ascii_lower(host)) return true;
+  return good_host(host) && is_public(origin);
+}
+
+std::string_view WebNames::inside(std::string_view target) const {
+  if (public_ && target.substr(0, public_->path.size()) == public_->path)
+    target.remove_prefix(public_->path.size() - 1);
+  return target;
 }
 
 std::vector<std::string> page_path(std::string_view target) {
@@ -103,7 +112,7 @@ std::string_view content_type(std::string_view name) {
       {"glb", "model/gltf-binary"}};
   const std::size_t dot = name.rfind('.');
   if (dot != std::string_view::npos) {
-    const std::string ending = lower(name.substr(dot + 1));
+    const std::string ending = ascii_lower(name.substr(dot + 1));
     for (const auto& [known, type] : kTypes)
       if (ending == known) return type;
   }

@@ -9,20 +9,32 @@
 #include <string_view>
 #include <vector>
 
+#include "tools/console/public_address.hpp"
+
 namespace teletact {
 
 // By which names browsers may address this server, with the port: a page of a stranger whose name
 // points at this machine (DNS rebinding) sends its own.
 class WebNames {
  public:
-  WebNames(const std::vector<std::string>& names, int port, bool tls);
+  // `known`: where browsers find it through a tunnel or a proxy, besides.
+  WebNames(const std::vector<std::string>& names, int port, bool tls,
+           std::optional<PublicAddress> known = {});
   [[nodiscard]] bool good_host(std::string_view host) const;
-  // The origin of `host` itself, and no other; an empty one is none.
+  // The origin of `host` itself, or the public one, and no other; an empty one is none. A proxy
+  // may send the name by which it reaches this server as `host`, browsers always their own origin.
   [[nodiscard]] bool good_origin(std::string_view origin, std::string_view host) const;
+  [[nodiscard]] bool is_public(std::string_view origin) const;
+  // The target of a request without the path of the public address, which a proxy may leave there.
+  [[nodiscard]] std::string_view inside(std::string_view target) const;
+  [[nodiscard]] const std::optional<PublicAddress>& known() const noexcept { return public_; }
 
  private:
+  [[nodiscard]] bool own_host(std::string_view host) const;
+
   std::vector<std::string> hosts_;  // lower case, with the port where browsers send it
   std::string scheme_;
+  std::optional<PublicAddress> public_;
 };
 
 // The segments of a request's path, decoded: of "/a/b.js?x" they are a, b.js; of "/", index.html.

@@ -1,6 +1,6 @@
 // The readers of what a page, or whoever poses as one, sends to the console's server: the envelope
-// of
-// an intent, the body that brings a code, the path of a file, the cookie.
+// of an intent, the body that brings a code, the path of a file, the cookie; and the public address
+// that a person states.
 #include <stdexcept>
 
 #include "tools/console/intent_envelope.hpp"
@@ -29,6 +29,17 @@ rt::Result<bool> read_path(const std::string& target) {
   return !content_type(segments.back()).empty();
 }
 
+rt::Result<bool> read_public(const std::string& url) {
+  const auto a = PublicAddress::parse(url);
+  if (!a) return rt::Error{a.error()};
+  // It goes into headers and a cookie.
+  const std::string all = a.value().origin + a.value().path;
+  if (a.value().path.front() != '/' || a.value().path.back() != '/' ||
+      all.find_first_of(std::string(" ;,\r\n\0\"", 7)) != all.npos)
+    throw std::logic_error("an address that breaks a header");
+  return true;
+}
+
 }  // namespace
 
 void FuzzReaders::add_console() {
@@ -52,6 +63,11 @@ void FuzzReaders::add_console() {
                       false});
   readers_.push_back(
       {"console_path", {"/", "/assets/index-1a2b3c.js?v=1", "/a/%62/c.css"}, read_path, {}, false});
+  readers_.push_back({"console_public",
+                      {"https://lab.example:8443/robots/rover/", "http://[::1]:9000"},
+                      read_public,
+                      {},
+                      false});
   readers_.push_back({"console_cookie",
                       {"teletact_8080=00112233445566778899aabbccddeeff; theme=dark"},
                       [](const std::string& b) -> rt::Result<bool> {

@@ -70,6 +70,10 @@ void add_console_options(CLI::App& app, ConsoleWords& w) {
       ->needs(console);
   app.add_option("--console-name", w.names, "name by which browsers reach this box; repeatable")
       ->needs(console);
+  app.add_option("--console-public", w.public_url,
+                 "address at which browsers find the page through a tunnel or a proxy: "
+                 "https://NAME/PATH/, or http://localhost:PORT/")
+      ->needs(console);
   app.add_option("--page", w.page, "folder of the built page")->needs(console);
   app.add_option("--session", w.session,
                  "go on with a session that was saved at the page: its scene, settings, map, "
@@ -127,6 +131,7 @@ std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const 
   page.server.address = w.address;
   page.server.keys = w.keys;
   page.server.names = w.names;
+  page.server.public_url = w.public_url;
   // Said now: a calibration may come before the server starts.
   if (const std::string why = ConsoleServer::problem(page.server); !why.empty())
     throw std::runtime_error("--console: " + why);

@@ -19,6 +19,7 @@ struct ConsoleWords {
   int port = 0;
   std::string address = "127.0.0.1", keys;  // not loopback: HTTPS with this folder of keys
   std::vector<std::string> names;           // by which browsers reach this box
+  std::string public_url;                   // where they find it through a tunnel or a proxy
   std::string page;  // folder of the built page; empty: beside the program, or in the source tree
   std::string session;  // a saved one to go on with: its name, or its folder; empty: none
 };

@@ -15,6 +15,7 @@ namespace {
 
 using teletact::Refusal;
 using teletact::RoleEvent;
+using testing::EndsWith;
 using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
@@ -154,6 +155,86 @@ TEST_F(Console, APageOfAnotherOriginMovesNothing) {
   EXPECT_EQ(server_->viewers(), 0);
 }
 
+// A proxy that ends TLS: it leaves the name and the path, or takes them away.
+TEST_F(Console, ThePublicAddressIsReachedThroughAProxy) {
+  options_.public_url = "https://lab.example/rover/";
+  start();
+  const std::string here = "https://lab.example/rover/#code=";
+  const auto code = [&] { return server_->url().substr(here.size()); };
+  EXPECT_THAT(server_->url(), StartsWith(here));
+  const std::string origin_line = "Origin: https://lab.example\r\n";
+  for (const std::string& name : {std::string("lab.example"), host()}) {
+    for (const std::string& path : {std::string("/rover"), std::string()}) {
+      const std::string host_line = " HTTP/1.1\r\nHost: " + name + "\r\n";
+      EXPECT_EQ(ask("GET " + path + "/" + host_line + "\r\n").status, 200);
+      const std::string body = R"({"code":")" + code() + R"("})";
+      const Reply joined =
+          ask("POST " + path + "/session" + host_line + origin_line +
+              "Content-Type: application/json\r\nContent-Length: " + std::to_string(body.size()) +
+              "\r\n\r\n" + body);
+      EXPECT_EQ(joined.status, 200) << joined.body;
+      const std::string cookie = joined.header("set-cookie");
+      EXPECT_THAT(cookie, HasSubstr("; Path=/rover/;"));
+      EXPECT_THAT(cookie, HasSubstr("; Secure"));
+      const std::string known = "Cookie: " + cookie.substr(0, cookie.find(';')) + "\r\n";
+      EXPECT_EQ(ask("GET " + path + "/session" + host_line + known + "\r\n").status, 200);
+      const std::string key =
+          "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+          "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: teletact.1\r\n";
+      const Socket socket(server_->port(),
+                          "GET " + path + "/ws" + host_line + origin_line + known + key + "\r\n");
+      EXPECT_EQ(socket.status(), 101);
+      const int before = stops_;
+      EXPECT_EQ(ask("POST " + path + "/stop" + host_line + origin_line + known +
+                    "Content-Type: application/json\r\nContent-Length: 0\r\n\r\n")
+                    .status,
+                200);
+      EXPECT_EQ(stops_, before + 1);
+      for (const char* bad : {"http://lab.example", "https://evil.example", "null"}) {
+        EXPECT_EQ(ask("POST " + path + "/stop" + host_line + "Origin: " + bad + "\r\n" + known +
+                      "Content-Type: application/json\r\nContent-Length: 0\r\n\r\n")
+                      .status,
+                  403)
+            << bad;
+      }
+      EXPECT_EQ(stops_, before + 1);
+    }
+  }
+  const Reply moved = ask("GET /rover HTTP/1.1\r\nHost: lab.example\r\n\r\n");
+  EXPECT_EQ(moved.status, 308);
+  EXPECT_EQ(moved.header("location"), "/rover/");
+  // By its own address it is as ever.
+  const std::string own = join(code());
+  EXPECT_EQ(get("/session", "Cookie: " + own + "\r\n").status, 200);
+}
+
+TEST_F(Console, WhoComesByAnotherWayIsToldWhatToDo) {
+  start();
+  const std::string port = std::to_string(server_->port());
+  const Reply tunnel = ask("GET / HTTP/1.1\r\nHost: localhost:1\r\n\r\n");
+  EXPECT_EQ(tunnel.status, 421);
+  EXPECT_THAT(tunnel.body, HasSubstr("--console-public"));
+  EXPECT_THAT(tunnel.body, HasSubstr("ssh -L " + port + ":127.0.0.1:" + port));
+  const Reply proxy = ask("POST /session HTTP/1.1\r\nHost: " + host() +
+                          "\r\nOrigin: https://lab.example\r\nContent-Type: application/json\r\n"
+                          "Content-Length: 2\r\n\r\n{}");
+  EXPECT_EQ(proxy.status, 403);
+  EXPECT_THAT(proxy.body, HasSubstr("--console-public"));
+}
+
+// Two robots' pages, each by a tunnel of its own to the same desk.
+TEST_F(Console, TunnelsToOneHostHaveCookiesOfTheirOwn) {
+  std::vector<std::string> names;
+  for (const char* port : {"9000", "9001"}) {
+    server_.reset();
+    options_.public_url = std::string("http://localhost:") + port;
+    start();
+    const std::string cookie = join(server_->url().substr(server_->url().find('=') + 1));
+    names.push_back(cookie.substr(0, cookie.find('=')));
+    EXPECT_THAT(names.back(), EndsWith(std::string("_") + port));
+  }
+}
+
 TEST_F(Console, AWebSocketWantsASessionAndTheProtocol) {
   start();
   EXPECT_EQ(Socket(server_->port(), upgrade_head("")).status(), 401);
@@ -230,6 +311,9 @@ TEST_F(Console, SetUpThatIsWrongIsOneLine) {
   EXPECT_THAT(error([](auto& o) { o.address = "localhost"; }), HasSubstr("numeric"));
   EXPECT_THAT(error([](auto& o) { o.address = "0.0.0.0"; }), HasSubstr("keys are needed"));
   EXPECT_THAT(error([](auto& o) { o.port = 70000; }), HasSubstr("70000"));
+  EXPECT_THAT(error([](auto& o) { o.public_url = "lab.example"; }), HasSubstr("lab.example"));
+  EXPECT_THAT(error([](auto& o) { o.public_url = "http://lab.example"; }),
+              HasSubstr("http:// with localhost"));
   EXPECT_THAT(error([&](auto& o) { o.keys = folder_.path; }), HasSubstr("ca.crt"));
   start();
   EXPECT_THAT(error([&](auto& o) { o.port = server_->port(); }), HasSubstr("in use"));

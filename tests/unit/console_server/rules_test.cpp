@@ -26,6 +26,83 @@ TEST(WebNamesTest, OnlyTheNamesOfThisServer) {
   EXPECT_TRUE(teletact::WebNames({"box.lab"}, 443, true).good_origin("https://box.lab", "box.lab"));
 }
 
+TEST(PublicAddressTest, IsReadAsBrowsersSendIt) {
+  using teletact::PublicAddress;
+  struct Case {
+    const char *url, *origin, *host, *path;
+    bool secure;
+  };
+  for (const Case& c : {
+           Case{"https://lab.example/robots/rover/", "https://lab.example", "lab.example",
+                "/robots/rover/", true},
+           Case{"HTTPS://Lab.Example:443", "https://lab.example", "lab.example", "/", true},
+           Case{"https://lab:8443/Rover", "https://lab:8443", "lab:8443", "/Rover/", true},
+           Case{"http://localhost:9000/", "http://localhost:9000", "localhost:9000", "/", false},
+           Case{"http://[::1]:9000", "http://[::1]:9000", "[::1]:9000", "/", false},
+           Case{"http://127.0.0.1:80", "http://127.0.0.1", "127.0.0.1", "/", false},
+       }) {
+    const auto a = PublicAddress::parse(c.url);
+    ASSERT_TRUE(a) << a.error();
+    EXPECT_EQ(a.value().origin, c.origin);
+    EXPECT_EQ(a.value().host, c.host);
+    EXPECT_EQ(a.value().path, c.path);
+    EXPECT_EQ(a.value().secure, c.secure);
+  }
+  for (const std::string& bad : {std::string(),
+                                 std::string("lab.example"),
+                                 std::string("//lab.example/"),
+                                 std::string("ftp://lab.example/"),
+                                 std::string("https://"),
+                                 std::string("https:///x"),
+                                 std::string("http://lab.example/"),
+                                 std::string("http://localhost.evil.example/"),
+                                 std::string("https://a b/"),
+                                 std::string("https://user@lab/"),
+                                 std::string("https://lab:"),
+                                 std::string("https://lab:0/"),
+                                 std::string("https://lab:65536/"),
+                                 std::string("https://lab:80x/"),
+                                 std::string("https://[::1/"),
+                                 std::string("https://::1/"),
+                                 std::string("https://lab/a//b"),
+                                 std::string("https://lab/../b"),
+                                 std::string("https://lab/a;b"),
+                                 std::string("https://lab/?x"),
+                                 std::string("https://lab/#code=1"),
+                                 std::string("https://lab/\r\nX: y"),
+                                 std::string("https://lab/\0", 13),
+                                 "https://lab/" + std::string(200, 'a')}) {
+    const auto a = PublicAddress::parse(bad);
+    ASSERT_FALSE(a) << bad;
+    EXPECT_THAT(a.error(), testing::HasSubstr("allowed https://NAME[:PORT]/[PATH/]")) << bad;
+  }
+}
+
+TEST(WebNamesTest, ThePublicAddressBesides) {
+  const auto known = teletact::PublicAddress::parse("https://lab.example/robots/rover/");
+  ASSERT_TRUE(known);
+  const teletact::WebNames names({"127.0.0.1"}, 8080, false, known.value());
+  const std::string lab = "lab.example", own = "127.0.0.1:8080";
+  EXPECT_TRUE(names.good_host(lab)) << "a proxy that leaves the name";
+  EXPECT_TRUE(names.good_host(own)) << "one that sends its own";
+  EXPECT_FALSE(names.good_host("lab.example:8080"));
+  EXPECT_TRUE(names.good_origin("https://lab.example", lab));
+  EXPECT_TRUE(names.good_origin("https://Lab.example", own));
+  EXPECT_TRUE(names.good_origin("http://127.0.0.1:8080", own));
+  for (const char* bad :
+       {"", "null", "http://lab.example", "https://lab.example:8080",
+        "https://lab.example/robots/rover/", "https://evil.example", "https://127.0.0.1:8080"}) {
+    EXPECT_FALSE(names.good_origin(bad, lab)) << bad;
+    EXPECT_FALSE(names.good_origin(bad, own)) << bad;
+  }
+  EXPECT_FALSE(names.good_origin("https://lab.example", "evil.example"));
+  EXPECT_FALSE(names.good_origin("http://127.0.0.1:8080", lab));
+  EXPECT_EQ(names.inside("/robots/rover/ws"), "/ws");
+  EXPECT_EQ(names.inside("/robots/rover/"), "/");
+  EXPECT_EQ(names.inside("/ws"), "/ws") << "a proxy that takes the path away";
+  EXPECT_EQ(names.inside("/robots/roverx"), "/robots/roverx");
+}
+
 TEST(PagePathTest, SegmentsWithoutAWayOut) {
   EXPECT_THAT(teletact::page_path("/"), ElementsAre("index.html"));
   EXPECT_THAT(teletact::page_path("/?x=1"), ElementsAre("index.html"));
