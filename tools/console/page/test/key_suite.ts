@@ -16,118 +16,145 @@ export interface Keyboard {
 }
 
 const space: Key = { key: ' ', code: 'Space' };
+const told = ['engage', 'hold', 'clear', 'record'] as const;  // acts of which the box hears
+
+class Trial {
+  constructor(private readonly desk: Desk, private readonly twin: TwinBox,
+    private readonly keyboard: Keyboard) {}
+
+  async noActMoves(keys: Key[]): Promise<void> {
+    await this.desk.live();
+    await this.desk.engage();
+    const since = this.twin.intents.at(-1);
+    const from = this.twin.plant.robot.join();
+    for (const key of keys) {
+      if (key.code in driveKeys) continue;
+      await this.toScene();
+      await this.press(key);
+      await this.toScene();
+      await this.press({ ...key, key: key.key.toUpperCase() }, { shift: true });
+    }
+    // All that was asked before it has arrived with it.
+    await this.toScene();
+    await this.press(keyOf(keys, 'z'), { ctrl: true });
+    await until('the undo', () => this.acts(since).some(i => i.act === 'undo'));
+    assert.deepEqual(this.acts(since).filter(i => i.act === 'drive'), []);
+    assert.equal(this.twin.plant.robot.join(), from);
+    for (const act of told) {
+      const letter = keyOf(keys, letters[act]);
+      const least = letter.code in driveKeys ? 0 : 2;
+      assert.ok(this.acts(since).filter(i => i.act === act).length >= least,
+        `${act}, also with Shift`);
+    }
+  }
+
+  async eachActAndTool(keys: Key[]): Promise<void> {
+    for (const act of told) {
+      const key = keyOf(keys, letters[act]);
+      const since = this.twin.intents.at(-1);
+      await this.toScene();
+      await this.press(key, { shift: key.code in driveKeys });
+      await until(act, () => this.acts(since).some(i => i.act === act));
+    }
+    for (const [code, tool] of [['Digit3', 'Mark'], ['Digit2', 'Touch']]) {
+      await this.toScene();
+      await this.press(keys.find(k => k.code === code)!);
+      await until(`tool ${tool}`, () => this.desk.page.evaluate(name =>
+        document.querySelector('#rail [aria-pressed=true]')!.textContent === name, tool));
+    }
+  }
+
+  async placesDrive(keys: Key[]): Promise<void> {
+    for (const key of keys) {
+      const way = driveKeys[key.code];
+      if (!way) continue;
+      await this.desk.engage();
+      await this.toScene();
+      let since: Intent | undefined;
+      // A machine too busy to send a token in time lets go, rightly: pressed again.
+      await until(`${key.key} to drive`, async () => {
+        since = this.twin.intents.at(-1);
+        await this.press(key);
+        return this.acts(since).some(i => i.act === 'drive' && Number(i.vx) * way[0]
+          + Number(i.vy) * way[1] + Number(i.wz) * way[2] > 0);
+      });
+      assert.deepEqual(this.acts(since).filter(i => i.act !== 'drive'), [], key.key);
+    }
+    await this.stands();
+  }
+
+  async spaceStops(keys: Key[]): Promise<void> {
+    const forward = keys.find(k => k.code === 'KeyW')!;
+    await this.desk.engage();
+    await this.toScene();
+    await this.keyboard.down(forward);
+    const stops = this.twin.count('stop');
+    await this.press(space);
+    await until('the stop', () => this.twin.count('stop') === stops + 1);
+    await this.keyboard.up(forward);
+    await this.stands();
+  }
+
+  async inputMethod(): Promise<void> {
+    await this.desk.engage();
+    const since = this.twin.intents.at(-1);
+    await this.toScene();
+    for (const code of ['KeyH', 'KeyG', 'KeyC', 'Digit2']) {
+      await this.press({ key: 'Process', code }, { inputMethod: true });
+    }
+    await this.press({ key: 'Process', code: 'Space' }, { inputMethod: true });
+    await until('the stop', () => this.acts(since).some(i => i.act === 'stop'));
+    assert.deepEqual(this.acts(since).filter(i => i.act !== 'stop'), []);
+  }
+
+  async helpNames(): Promise<void> {
+    const { page } = this.desk;
+    await this.toScene();
+    for (const key of keysOf('French')) if (key.code in driveKeys) await this.press(key);
+    await this.toScene();
+    await this.press({ key: '?', code: 'KeyM' }, { shift: true });
+    await until('the keys', () => page.isVisible('#help'));
+    const named = await page.locator('#help kbd').allTextContents();
+    for (const name of ['Z S', 'Q D', 'A E', 'Ctrl Z']) assert.ok(named.includes(name), name);
+    assert.match((await page.getAttribute('#canvas', 'aria-label'))!, /Z Q S D A E drive/);
+    await this.toScene();
+  }
+
+  private async press(key: Key, modifiers: Modifiers = {}): Promise<void> {
+    await this.keyboard.down(key, modifiers);
+    await this.keyboard.up(key, modifiers);
+  }
+
+  // From wherever a key has led.
+  private toScene(): Promise<void> {
+    return this.desk.page.evaluate(() => {
+      (document.getElementById('help') as HTMLDialogElement).close();
+      document.getElementById('canvas')!.focus();
+    });
+  }
+
+  private stands(): Promise<void> {
+    return until('the base to stand', () => this.twin.plant.velocity.every(v => v === 0));
+  }
+
+  private acts(since: Intent | undefined): Intent[] {
+    return this.twin.intents.slice(since ? this.twin.intents.indexOf(since) + 1 : 0)
+      .filter(i => i.act !== 'token');
+  }
+}
 
 export function keySuite(desk: Desk, twin: TwinBox, keyboard: Keyboard,
   layouts: LayoutName[]): void {
-  const { page } = desk;
-  const press = async (key: Key, modifiers: Modifiers = {}) => {
-    await keyboard.down(key, modifiers);
-    await keyboard.up(key, modifiers);
-  };
-  // Back to the scene, from wherever a key has led.
-  const scene = () => page.evaluate(() => {
-    (document.getElementById('help') as HTMLDialogElement).close();
-    document.getElementById('canvas')!.focus();
-  });
-  const acts = (since: Intent | undefined) => twin.intents
-    .slice(since ? twin.intents.indexOf(since) + 1 : 0)
-    .filter(i => i.act !== 'token' && i.act !== 'seen');
-  // All that was asked before it has arrived with it.
-  const undone = async (keys: Key[], since: Intent | undefined) => {
-    await scene();
-    await press(keyOf(keys, 'z'), { ctrl: true });
-    await until('the undo', () => acts(since).some(i => i.act === 'undo'));
-  };
-
+  const trial = new Trial(desk, twin, keyboard);
   for (const name of layouts) {
     const keys = keysOf(name);
-    test(`${name}: no key but those of driving moves the robot`, async () => {
-      await desk.live();
-      await desk.engage();
-      const since = twin.intents.at(-1);
-      const from = twin.plant.robot.join();
-      for (const key of keys) {
-        if (key.code in driveKeys) continue;
-        await scene();
-        await press(key);
-        await scene();
-        await press({ ...key, key: key.key.toUpperCase() }, { shift: true });
-      }
-      await undone(keys, since);
-      assert.deepEqual(acts(since).filter(i => i.act === 'drive'), []);
-      assert.equal(twin.plant.robot.join(), from);
-      for (const act of ['engage', 'hold', 'clear', 'record']) {
-        assert.ok(acts(since).filter(i => i.act === act).length >= 2, `${act}, also with Shift`);
-      }
-    });
-    test(`${name}: each act by its letter, and tools by digits`, async () => {
-      for (const act of ['engage', 'hold', 'clear', 'record'] as const) {
-        const key = keyOf(keys, letters[act]);
-        const since = twin.intents.at(-1);
-        await scene();
-        await press(key, { shift: key.code in driveKeys });
-        await until(act, () => acts(since).some(i => i.act === act));
-      }
-      await scene();
-      await press(keys.find(k => k.code === 'Digit2')!);
-      await until('the tool', () => page.evaluate(() =>
-        document.querySelector('#rail [aria-pressed=true]')!.textContent === 'Touch'));
-    });
-    test(`${name}: driving places drive, and are no act`, async () => {
-      for (const key of keys) {
-        const way = driveKeys[key.code];
-        if (!way) continue;
-        await desk.engage();
-        await scene();
-        let since = twin.intents.at(-1);
-        // A machine too busy to send a token in time lets go, rightly: pressed again.
-        await until(`${key.key} to drive`, async () => {
-          since = twin.intents.at(-1);
-          await keyboard.down(key);
-          await page.waitForTimeout(60);
-          await keyboard.up(key);
-          return acts(since).some(i => i.act === 'drive' && Number(i.vx) * way[0]
-            + Number(i.vy) * way[1] + Number(i.wz) * way[2] > 0);
-        });
-        await until('the base to stand', () => twin.plant.velocity.every(v => v === 0));
-        assert.deepEqual(acts(since).filter(i => i.act !== 'drive'), [], key.key);
-      }
-    });
-    test(`${name}: Space stops, while a place of driving is held too`, async () => {
-      await desk.engage();
-      await scene();
-      await keyboard.down(keys.find(k => k.code === 'KeyW')!);
-      const stops = twin.count('stop');
-      await press(space);
-      await until('the stop', () => twin.count('stop') === stops + 1);
-      await keyboard.up(keys.find(k => k.code === 'KeyW')!);
-      await until('the base to stand', () => twin.plant.velocity.every(v => v === 0));
-    });
+    test(`${name}: no key but those of driving moves the robot`, () => trial.noActMoves(keys));
+    test(`${name}: acts by letter, tools by digits`, () => trial.eachActAndTool(keys));
+    test(`${name}: driving places drive, and are no act`, () => trial.placesDrive(keys));
+    test(`${name}: Space stops, while a place of driving is held too`,
+      () => trial.spaceStops(keys));
   }
-  test('while an input method has the keys no act is done, and Space stops', async () => {
-    await desk.engage();
-    const since = twin.intents.at(-1);
-    await scene();
-    for (const code of ['KeyH', 'KeyG', 'KeyC', 'Digit2']) {
-      await press({ key: 'Process', code }, { inputMethod: true });
-    }
-    await press({ key: 'Process', code: 'Space' }, { inputMethod: true });
-    await until('the stop', () => acts(since).some(i => i.act === 'stop'));
-    assert.deepEqual(acts(since).filter(i => i.act !== 'stop'), []);
-  });
-  test('the help names the keys of this person', async () => {
-    await scene();
-    for (const key of keysOf('French')) {
-      if (key.code in driveKeys) await press(key);
-    }
-    await scene();
-    await press({ key: '?', code: 'KeyM' }, { shift: true });
-    await until('the keys', () => page.isVisible('#help'));
-    const named = await page.locator('#help kbd').allTextContents();
-    assert.ok(named.includes('Z S') && named.includes('Q D') && named.includes('A E'),
-      named.join(', '));
-    assert.ok(named.includes('Ctrl Z'));
-    assert.match((await page.getAttribute('#canvas', 'aria-label'))!, /Z Q S D A E drive/);
-    await scene();
-  });
+  test('while an input method has the keys no act is done, and Space stops',
+    () => trial.inputMethod());
+  test('the help names the keys of this person', () => trial.helpNames());
 }

@@ -16,4 +16,5 @@ import './panels';
 import './keyboards';
 import './pads';
 import './sizes';
+import './tunnel';
 import './headset';

@@ -10,6 +10,7 @@ import { Vec3 } from '../src/wire/types';
 import { Desk, Intent } from './desk';
 import { bits, cutBlocks, floats, lens, meshBody, recoloured, shoot, Shot, view } from './encode';
 import { Plant } from './plant';
+import { Way } from './way';
 import { Body, makeBodies } from './world';
 
 const types: Record<string, string> = { '.html': 'text/html', '.js': 'text/javascript',
@@ -39,6 +40,7 @@ function quaternionOf(yaw: number, pitch: number): number[] {
 export class TwinBox {
   readonly bodies: Body[];
   readonly plant = new Plant();
+  readonly way = new Way();
   readonly desk: Desk;
   readonly intents: Intent[] = [];
   pictures = true;     // off: the camera's picture freezes
@@ -76,7 +78,7 @@ export class TwinBox {
     });
     this.server.on('upgrade', (request, socket, head) => {
       const session = this.sessionOf(request);
-      if (!session || request.headers.origin !== `http://${request.headers.host}`) {
+      if (!session || this.way.inside(request) !== '/ws' || !this.way.goodOrigin(request)) {
         socket.end('HTTP/1.1 403 Forbidden\r\n\r\n');
         return;
       }
@@ -86,6 +88,7 @@ export class TwinBox {
 
   async listen(port = 0): Promise<string> {
     await new Promise<void>(done => this.server.listen(port, '127.0.0.1', done));
+    this.way.host = `127.0.0.1:${(this.server.address() as AddressInfo).port}`;
     this.timers.push(setInterval(() => this.tick(), 10), setInterval(() => this.sendPose(), 50),
       setInterval(() => this.sendPicture(), 125), setInterval(() => this.sendText(), 200),
       setInterval(() => this.sendCost(), 1000));
@@ -95,7 +98,7 @@ export class TwinBox {
   url(role: 'operator' | 'viewer' = 'operator'): string {
     const code = randomBytes(12).toString('hex');
     this.codes.set(code, role);
-    return `http://127.0.0.1:${(this.server.address() as AddressInfo).port}/#code=${code}`;
+    return `${this.way.known ?? `http://${this.way.host}/`}#code=${code}`;
   }
 
   async close(): Promise<void> {
@@ -155,13 +158,16 @@ export class TwinBox {
       response.writeHead(status, { 'Content-Type': 'application/json' });
       response.end(JSON.stringify(body));
     };
-    const path = new URL(request.url ?? '/', 'http://twin').pathname;
+    const path = this.way.inside(request);
     const session = this.sessionOf(request);
-    if (request.method === 'POST') {
+    if (!this.way.goodHost(request)) say(421, { why: '--console-public' });
+    else if (request.method === 'POST' && !this.way.goodOrigin(request)) {
+      say(403, { why: '--console-public' });
+    } else if (request.method === 'POST') {
       const chunks: Buffer[] = [];
       for await (const chunk of request) chunks.push(chunk as Buffer);
       const body = JSON.parse(Buffer.concat(chunks).toString() || '{}') as { code?: string };
-      if (path === '/session') this.exchange(body.code ?? '', response, say);
+      if (path === '/session') this.exchange(body.code ?? '', request, response, say);
       else if (!session) say(401, {});
       else if (path === '/stop') {
         ++this.stops;
@@ -177,7 +183,7 @@ export class TwinBox {
     } else this.file(path, response);
   }
 
-  private exchange(code: string, response: ServerResponse,
+  private exchange(code: string, request: IncomingMessage, response: ServerResponse,
     say: (status: number, body: object) => void): void {
     const role = this.codes.get(code);
     if (!role) {
@@ -187,7 +193,8 @@ export class TwinBox {
     this.codes.delete(code);
     const cookie = createHash('sha256').update(code + randomBytes(8)).digest('hex');
     this.sessions.set(cookie, { role, socket: null });
-    response.setHeader('Set-Cookie', `teletact=${cookie}; HttpOnly; SameSite=Strict; Path=/`);
+    response.setHeader('Set-Cookie',
+      `teletact=${cookie}; HttpOnly; SameSite=Strict; ${this.way.cookieEnd(request)}`);
     say(200, { role });
   }
 

@@ -24,13 +24,18 @@ const firstDelay = 300;    // ms until the first new dial, doubled each time
 const longestDelay = 5000;
 const answerLimit = 5000;  // ms; a later answer is told as news
 const stopLimit = 1000;    // ms until a stop counts as not arrived
+const enoughDials = 2;     // that did not open until a person is told
+const publicOption = '--console-public';  // in the box's words where it refuses an address
 const mostLate = 64;       // acts whose late answer is still known
 const mostKept = 512;      // ms of answers, for their percentile
 const bulk = [3, 4, 5, 6]; // kinds of which the box wants to know that they were seen
 const seenGap = 25;        // ms at least between two words of that
 
+// The folder of the page, wherever a proxy has put it.
+function base(): URL { return new URL('.', location.href); }
+
 async function post(path: string, body: object, longest?: number): Promise<Response> {
-  return fetch(path, {
+  return fetch(new URL(path, base()), {
     method: 'POST', credentials: 'same-origin', headers: { 'Content-Type': 'application/json' },
     body: JSON.stringify(body), keepalive: true,
     ...(longest ? { signal: AbortSignal.timeout(longest) } : {}),
@@ -54,6 +59,7 @@ export class Link {
   private readonly late = new Map<number, { act: string; sent: number }>();
   private again: ReturnType<typeof setTimeout> | undefined;
   private starts = 0;
+  private unopened = 0;  // WebSockets in a row that never opened, though the session is good
   private seen = 0;  // bytes of bulk views since the socket stands
   private seenTold = -Infinity;
   private seenTimer: ReturnType<typeof setTimeout> | undefined;
@@ -75,11 +81,16 @@ export class Link {
       const code = new URLSearchParams(location.hash.slice(1)).get('code');
       if (code) {
         // Out of the address bar and the history before anything else can read it.
-        history.replaceState(null, '', location.pathname);
-        const answer = await post('/session', { code });
+        history.replaceState(null, '', location.pathname + location.search);
+        const answer = await post('session', { code });
         if (answer.ok) this.role = (await answer.json() as { role: string }).role;
+        else if ((await answer.text()).includes(publicOption)) {
+          this.change('refused', "The box does not know this page's address: a tunnel or a proxy "
+            + `lies between. Start the box with ${publicOption} ${base()}`);
+          return;
+        }
       }
-      const session = await fetch('/session', { credentials: 'same-origin' });
+      const session = await fetch(new URL('session', base()), { credentials: 'same-origin' });
       if (mine !== this.starts) return;
       if (!session.ok) {
         this.change('refused', 'This page has no session: its code is used up or wrong. '
@@ -89,18 +100,22 @@ export class Link {
       this.role = (await session.json() as { role: string }).role;
       this.dial();
     } catch {
+      this.unopened = 0;  // the box itself does not answer
       if (mine === this.starts) this.later();
     }
   }
 
   private dial(): void {
     this.hangUp();
-    const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
-    const socket = new WebSocket(`${scheme}://${location.host}/ws`, 'teletact.1');
+    const way = new URL('ws', base());
+    way.protocol = location.protocol === 'https:' ? 'wss:' : 'ws:';
+    const socket = new WebSocket(way, 'teletact.1');
+    ++this.unopened;
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
       if (socket !== this.socket) return;
       this.delay = firstDelay;
+      this.unopened = 0;
       this.nextId = 1;
       this.seen = 0;
       this.change('open', '');
@@ -160,13 +175,13 @@ export class Link {
   // on one of them; false: on none, for a second.
   async stop(): Promise<boolean> {
     return any([this.act('stop', {}, stopLimit).then(answer => answer.ok),
-      post('/stop', {}, stopLimit).then(answer => answer.ok, () => false)]);
+      post('stop', {}, stopLimit).then(answer => answer.ok, () => false)]);
   }
 
   async viewLink(): Promise<string | null> {
-    const answer = await post('/view-link', {});
+    const answer = await post('view-link', {});
     if (!answer.ok) return null;
-    return `${location.origin}/#code=${(await answer.json() as { code: string }).code}`;
+    return `${base()}#code=${(await answer.json() as { code: string }).code}`;
   }
 
   // True: somebody waits for it, or has waited.
@@ -222,7 +237,9 @@ export class Link {
   }
 
   private later(): void {
-    this.change('lost', 'No connection to the box. Trying again.');
+    this.change('lost', this.unopened < enoughDials ? 'No connection to the box. Trying again.'
+      : 'The box answers, but its WebSocket does not open: a proxy on the way does not pass it on, '
+        + 'or too many look on. Trying again.');
     clearTimeout(this.again);
     this.again = setTimeout(() => void this.start(), this.delay);
     this.delay = Math.min(longestDelay, 2 * this.delay);
