@@ -316,9 +316,23 @@ declare global {
 
 applyTheme();
 matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => applyTheme());
-const page = new Page();
-window.teletact = {
-  figures: () => page.figures(),
-  toScreen: p => page.stage.toScreen(p),
-  eye: () => page.stage.toWorld(page.stage.rayFrom(0, 0).origin),
-};
+
+function begin(): void {
+  const page = new Page();
+  window.teletact = {
+    figures: () => page.figures(),
+    toScreen: p => page.stage.toScreen(p),
+    eye: () => page.stage.toWorld(page.stage.rayFrom(0, 0).origin),
+  };
+}
+
+// Without WebGL nothing here works, STOP neither: that must not look like a page that does.
+try {
+  begin();
+} catch (error) {
+  by('banner').hidden = false;
+  by('banner').textContent = 'This page can not run here, and its STOP does nothing: '
+    + `${(error as Error).message} It needs a browser with WebGL.`;
+  by('stop').setAttribute('disabled', '');
+  throw error;
+}

@@ -95,6 +95,25 @@ class Trial {
     await this.stands();
   }
 
+  // While it is down macOS tells of no key that is let go.
+  async metaLetsGo(): Promise<void> {
+    const forward: Key = { key: 'w', code: 'KeyW' };
+    const meta: Key = { key: 'Meta', code: 'MetaLeft' };
+    await this.desk.engage();
+    await this.toScene();
+    const since = this.twin.intents.at(-1);
+    await this.keyboard.down(forward);
+    await until('driving', () => this.acts(since).some(i => i.act === 'drive'));
+    await this.keyboard.down(meta);
+    await until('the token without it', () => {
+      const token = this.twin.newest('token')!;
+      return !(token.holds as string[]).includes('drive');
+    });
+    await this.stands();
+    await this.keyboard.up(meta);
+    await this.keyboard.up(forward);
+  }
+
   async inputMethod(): Promise<void> {
     await this.desk.engage();
     const since = this.twin.intents.at(-1);
@@ -156,5 +175,6 @@ export function keySuite(desk: Desk, twin: TwinBox, keyboard: Keyboard,
   }
   test('while an input method has the keys no act is done, and Space stops',
     () => trial.inputMethod());
+  test('the key of the system lets go of driving', () => trial.metaLetsGo());
   test('the help names the keys of this person', () => trial.helpNames());
 }

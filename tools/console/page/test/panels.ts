@@ -2,8 +2,8 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { moving } from '../src/panel/moving';
-import { desk, twin } from './bench';
-import { until } from './browser';
+import { browser, desk, twin } from './bench';
+import { newPage, until } from './browser';
 
 test('cells that move close together are one thing, the largest first', () => {
   assert.deepEqual(moving([]), []);
@@ -31,4 +31,17 @@ test('figures of a simulated clock are not told as measured', async () => {
   twin.clock = 'real';
   await until('no word', () => word.isHidden());
   await desk.page.click('#tabs button:has-text("Scene")');
+});
+
+test('a browser that draws no scene says so, and that its STOP does nothing', async () => {
+  const context = await browser.newContext();
+  await context.addInitScript(() => {
+    HTMLCanvasElement.prototype.getContext = () => null;
+  });
+  const page = await newPage(context);
+  await page.goto(twin.url());
+  await until('the words', async () =>
+    (await page.textContent('#banner'))!.includes('its STOP does nothing'));
+  assert.ok(await page.isVisible('#banner') && await page.isDisabled('#stop'));
+  await context.close();
 });
