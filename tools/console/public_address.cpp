@@ -48,7 +48,10 @@ std::string ascii_lower(std::string_view text) {
 }
 
 rt::Result<PublicAddress> PublicAddress::parse(std::string_view url) {
-  const rt::Error bad{"console public address '" + std::string(url.substr(0, kMostBytes)) +
+  std::string told(url.substr(0, kMostBytes));  // on one line
+  std::replace_if(
+      told.begin(), told.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  const rt::Error bad{"console public address '" + told +
                       "': allowed https://NAME[:PORT]/[PATH/], and http:// with localhost"};
   PublicAddress a;
   const std::size_t colon = url.find("://");
