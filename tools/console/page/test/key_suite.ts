@@ -23,8 +23,10 @@ class Trial {
     private readonly keyboard: Keyboard) {}
 
   async noActMoves(keys: Key[]): Promise<void> {
+    this.twin.plant.drop();  // a goal of a test before: it is engaged here
     await this.desk.live();
     await this.desk.engage();
+    await this.stands();
     const since = this.twin.intents.at(-1);
     const from = this.twin.plant.robot.join();
     for (const key of keys) {
