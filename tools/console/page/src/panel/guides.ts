@@ -70,10 +70,11 @@ export class Help {
       h('p', {}, 'Gamepad: hold the right shoulder button; left stick drives, right stick turns. '
         + 'Without it the left stick moves the cross-hair, and button A presses there (hold, '
         + 'drag): with the tool Touch it is the hand.'),
-      button('Teach the gamepad', () => {
-        this.dialog.close();
-        teach();
-      }), button('Close', () => this.dialog.close()));
+      h('div', { class: 'buttons' }, button('Close', () => this.dialog.close()),
+        button('Teach the gamepad', () => {
+          this.dialog.close();
+          teach();
+        })));
     this.show();
   }
 
