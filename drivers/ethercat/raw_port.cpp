@@ -11,8 +11,8 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 
+#include "drivers/ethercat/card_problem.hpp"
 #include "drivers/ethercat/frame.hpp"
 #include "rt/clock/box_time.hpp"
 
@@ -27,28 +27,21 @@ timespec timespec_of(std::int64_t ns) noexcept {
   return t;
 }
 
-std::string socket_problem(const std::string& interface, int error) {
-  if (error == EPERM || error == EACCES)
-    return "interface " + interface +
-           ": raw Ethernet frames need CAP_NET_RAW (setcap cap_net_raw+ep on the program, or run "
-           "it with that capability)";
-  return "interface " + interface + ": " + std::strerror(error);
-}
-
 }  // namespace
 
 rt::Result<std::unique_ptr<RawPort>> RawPort::open(rt::NonRealtime&, const std::string& interface) {
   const unsigned index = if_nametoindex(interface.c_str());
-  if (index == 0) return rt::Error{"interface " + interface + ": there is none of this name"};
+  if (index == 0) return rt::Error{card_problem(interface, ENODEV)};
   const int fd = ::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, htons(kEtherType));
-  if (fd < 0) return rt::Error{socket_problem(interface, errno)};
+  if (fd < 0) return rt::Error{card_problem(interface, errno)};
   std::unique_ptr<RawPort> port(new RawPort(fd, interface));
   sockaddr_ll address{};
   address.sll_family = AF_PACKET;
   address.sll_protocol = htons(kEtherType);
   address.sll_ifindex = static_cast<int>(index);
   if (::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-    return rt::Error{socket_problem(interface, errno)};
+    return rt::Error{card_problem(interface, errno)};
+  if (const std::string down = card_down(interface); !down.empty()) return rt::Error{down};
   return port;
 }
 

@@ -20,7 +20,8 @@ namespace drivers::ethercat {
 
 class RawPort final : public Port {
  public:
-  // The error names the interface and, without the right, CAP_NET_RAW.
+  // The error names the interface and, without the right, CAP_NET_RAW; of a card that is down, the
+  // command that sets it up.
   [[nodiscard]] static rt::Result<std::unique_ptr<RawPort>> open(rt::NonRealtime&,
                                                                  const std::string& interface);
   ~RawPort() override;

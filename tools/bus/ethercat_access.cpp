@@ -100,7 +100,10 @@ void show_parameter(const EtherCatOptions& o, const char* what, std::int32_t val
 
 int run_read(const EtherCatOptions& o) {
   one_of(o, false);
-  EtherCatSession bus(o.bus);
+  EtherCatChoice choice = o.bus;
+  // From the memory on a read may empty a mailbox that is another program's.
+  choice.looks = o.reg >= 0 && o.reg + bytes_of(o) <= ec::reg::kRam;
+  EtherCatSession bus(choice);
   if (o.reg >= 0) {
     const int n = bus.count();
     std::vector<std::uint8_t> b(static_cast<std::size_t>(bytes_of(o)));

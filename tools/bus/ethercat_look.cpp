@@ -97,7 +97,9 @@ int run_scan(const EtherCatOptions& o) {
 }
 
 int run_state(const EtherCatOptions& o) {
-  EtherCatSession bus(o.bus);
+  EtherCatChoice choice = o.bus;
+  choice.looks = o.to.empty();
+  EtherCatSession bus(choice);
   std::string refused;
   if (!o.to.empty()) {
     try {

@@ -44,6 +44,12 @@ EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
     auto port = ec::RawPort::open(token(), o.iface);
     if (!port) throw std::runtime_error(port.error());
     wire_ = std::move(port.value());
+    // Behind the port, whose errors are about the card itself.
+    if (!o.looks) {
+      auto claim = ec::claim_silent_card(token(), o.iface);
+      if (!claim) throw CouldNotDo(claim.error());
+      claim_ = std::move(claim.value());
+    }
   }
   port_ = wire_.get();
   if (!o.capture.empty()) {

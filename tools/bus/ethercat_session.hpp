@@ -7,6 +7,7 @@
 #include <string>
 
 #include "drivers/ethercat/capture_port.hpp"
+#include "drivers/ethercat/card_claim.hpp"
 #include "drivers/ethercat/master.hpp"
 #include "drivers/ethercat/twin/twin_port.hpp"
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
@@ -23,6 +24,8 @@ struct EtherCatChoice {
   std::string generation;  // of the twin's boards: old or new; empty: new
   bool end_stops = false;  // of the twin's joints
   std::string effects;     // file of the twin's motors' effects
+  // Nothing but reads that change nothing: beside a program that owns the card, too.
+  bool looks = false;
 };
 
 // One bus, and nothing of a twin for a network card. Throws std::runtime_error with one line.
@@ -32,7 +35,8 @@ void check_choice(const EtherCatChoice&);
 
 class EtherCatSession {
  public:
-  // Throws std::runtime_error with one line.
+  // Of a network card: it is this session's, or the session only looks. Throws CouldNotDo if another
+  // program owns it, std::runtime_error for the rest, with one line.
   explicit EtherCatSession(const EtherCatChoice&);
   // A chain that was started ends with zero outputs, in SAFEOP (Master::stop).
   ~EtherCatSession();
@@ -62,6 +66,7 @@ class EtherCatSession {
   rt::Startup startup_;
   std::optional<drivers::youbot_bus::ChainKind> kind_;
   std::unique_ptr<drivers::youbot_bus::YoubotChain> chain_;
+  std::unique_ptr<drivers::ethercat::CardClaim> claim_;
   std::unique_ptr<drivers::ethercat::Port> wire_;
   std::unique_ptr<drivers::ethercat::CapturePort> capture_;
   drivers::ethercat::Port* port_ = nullptr;

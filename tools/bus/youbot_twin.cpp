@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "drivers/ethercat/card_claim.hpp"
 #include "drivers/ethercat/frame.hpp"
 #include "drivers/ethercat/raw_port.hpp"
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
@@ -76,6 +77,9 @@ int run_youbot_twin(const TwinOptions& o) {
   FaultyTwin twin(chain, std::move(faults));
   auto port = ec::RawPort::open(startup.token(), o.iface);
   if (!port) throw std::runtime_error(port.error());
+  // It does not listen first: its master may be at work already.
+  const auto claim = ec::CardClaim::take(startup.token(), o.iface);
+  if (!claim) throw std::runtime_error(claim.error());
   std::optional<CardSwitch> card;
   if (twin.has(TwinFaultKind::kLink)) card.emplace(o.iface);
   std::signal(SIGINT, on_stop_twin);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "drivers/camera/passing_camera.hpp"
+#include "drivers/can/socket_port.hpp"
 #include "drivers/ethercat/raw_port.hpp"
 #include "drivers/gpio/chip_lines.hpp"
 #include "perception/geometry/pose.hpp"
@@ -56,8 +57,9 @@ perception::Intrinsics camera_of(const Scene& scene) {
 
 namespace {
 
-std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> open_youbot(rt::NonRealtime& nrt,
-                                                                 const Scene& scene) {
+std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> open_youbot(
+    rt::NonRealtime& nrt, const Scene& scene,
+    std::unique_ptr<drivers::ethercat::CardClaim>& claim) {
   namespace yb = drivers::youbot_bus;
   const auto refuse = [](const std::string& why) { throw std::runtime_error("robot.bus: " + why); };
   if (scene.bus_interface.empty()) refuse("kind ethercat wants the key robot.bus.interface");
@@ -69,6 +71,9 @@ std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> open_youbot(rt::NonRealtime
   }
   auto port = drivers::ethercat::RawPort::open(nrt, scene.bus_interface);
   if (!port) refuse(port.error());
+  auto claimed = drivers::ethercat::claim_silent_card(nrt, scene.bus_interface);
+  if (!claimed) refuse(claimed.error());
+  claim = std::move(claimed.value());
   c.chain = scene.bus_chain;
   c.gear_ratio = scene.graph.robot_io.base.gear_ratio;
   c.ignored_flags = static_cast<std::uint32_t>(scene.ignored_flags);
@@ -81,6 +86,16 @@ std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> open_youbot(rt::NonRealtime
 }
 
 }  // namespace
+
+void check_motor_bus(rt::NonRealtime& nrt, const Scene& scene) {
+  if (scene.bus_kind == "can")
+    (void)drivers::can::open_socket_port(nrt, {scene.can.iface, {}, 1 << 18});
+  if (scene.bus_kind != "ethercat" || scene.bus_interface.empty()) return;
+  const auto port = drivers::ethercat::RawPort::open(nrt, scene.bus_interface);
+  if (!port) throw std::runtime_error("robot.bus: " + port.error());
+  const auto claim = drivers::ethercat::CardClaim::take(nrt, scene.bus_interface);
+  if (!claim) throw std::runtime_error("robot.bus: " + claim.error());
+}
 
 // The camera rides on the robot's true pose.
 class RobotBox::BasePose final : public drivers::PoseSource {
@@ -110,7 +125,7 @@ drivers::MotorBus& RobotBox::open_motors(rt::NonRealtime& nrt, const Scene& scen
     return can_->bus();
   }
   if (scene.bus_kind == "ethercat" && options.real_devices) {
-    youbot_ = open_youbot(nrt, scene);
+    youbot_ = open_youbot(nrt, scene, card_claim_);
     return *youbot_;
   }
   // Where no device is opened the virtual chain stands in for the robot's.

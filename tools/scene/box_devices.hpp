@@ -11,6 +11,7 @@
 #include "drivers/camera/synthetic_camera.hpp"
 #include "drivers/camera/threaded_camera.hpp"
 #include "drivers/camera/tum_reader.hpp"
+#include "drivers/ethercat/card_claim.hpp"
 #include "drivers/gpio/safety_chain.hpp"
 #include "drivers/gpio/twin/gpio_twin.hpp"
 #include "drivers/haptic/hand_script.hpp"
@@ -88,6 +89,7 @@ class RobotBox {
   std::unique_ptr<drivers::gpio::GpioLines> lines_;
   drivers::gpio::GpioTwin* simulated_lines_ = nullptr;
   std::unique_ptr<drivers::gpio::SafetyChain> safety_;
+  std::unique_ptr<drivers::ethercat::CardClaim> card_claim_;  // outlives the youBot
   std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> youbot_;
   std::unique_ptr<drivers::PoseSource> pose_;
   std::unique_ptr<drivers::Camera> camera_;
@@ -133,6 +135,10 @@ class OperatorBox {
 // The camera's frames begin at the box's epoch and keep its clock: a twin without a clock of its
 // own. Of a recording or a real camera the phase is not known.
 [[nodiscard]] bool counts_from_epoch(const Scene& scene);
+
+// Before anything is measured: throws std::runtime_error with one line if the motor bus that the
+// scene names can not be opened, or belongs to another program. It sends nothing.
+void check_motor_bus(rt::NonRealtime&, const Scene& scene);
 
 // Depth camera of the scene: the recording's if it names one, else the synthetic one's.
 [[nodiscard]] perception::Intrinsics camera_of(const Scene& scene);
