@@ -5,6 +5,7 @@
 #include <linux/can/raw.h>
 #include <linux/net_tstamp.h>
 #include <net/if.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -107,6 +108,7 @@ class SocketPort final : public CanPort {
     const unsigned index = if_nametoindex(o.iface.c_str());
     if (index == 0)
       fail(o.iface, "no such interface", "; `ip -details link show type can` shows them");
+    refuse_if_down(o.iface);
     std::vector<::can_filter> filters;
     constexpr std::uint32_t kExact = CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG;
     for (const std::uint32_t id : o.receive) filters.push_back({id & CAN_SFF_MASK, kExact});
@@ -125,6 +127,18 @@ class SocketPort final : public CanPort {
     address.can_ifindex = static_cast<int>(index);
     if (bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
       fail(o.iface, "bind", "; is it a CAN interface, and up? (ip link set " + o.iface + " up)");
+  }
+  // A virtual one (vcan) has no bit rate to set.
+  void refuse_if_down(const std::string& iface) const {
+    ifreq request{};
+    std::copy_n(iface.begin(), std::min(iface.size(), std::size_t{IFNAMSIZ - 1}),
+                std::begin(request.ifr_name));
+    if (ioctl(fd_, SIOCGIFFLAGS, &request) != 0 ||
+        (static_cast<unsigned>(request.ifr_flags) & IFF_UP) != 0)
+      return;
+    throw std::runtime_error(
+        iface + ": is down: sudo ip link set " + iface + " up" +
+        (iface.starts_with("vcan") ? "" : " type can bitrate 1000000 restart-ms 0"));
   }
   void set(int level, int option, const void* value, std::size_t size, const std::string& iface) {
     if (setsockopt(fd_, level, option, value, static_cast<socklen_t>(size)) != 0)
