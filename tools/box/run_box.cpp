@@ -108,9 +108,8 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
                    const tasks::Calibration& calibration, bool page) {
   const tasks::BestEffortShares shares = declared_shares(scene, calibration, page);
   const auto cpus = rt::affinity_cpus();
-  return command.one_host || is_loopback(command.road.host)
-             ? admit_host(scene, calibration, cpus, shares)
-             : admit_box(scene, calibration, cpus, shares, command.box);
+  return both_on_this_host(command) ? admit_host(scene, calibration, cpus, shares)
+                                    : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
 // Where capture begins; then it follows the camera (release_phase.hpp). Admission holds at any
@@ -134,6 +133,10 @@ void choose_shape(const BoxCommand& command, Scene& scene) {
 }
 
 }  // namespace
+
+bool both_on_this_host(const BoxCommand& command) {
+  return command.one_host || is_loopback(command.road.host);
+}
 
 void check_link(const BoxCommand& command) {
   if (command.plain) return;

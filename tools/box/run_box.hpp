@@ -37,6 +37,9 @@ struct BoxCommand {
 // the keys are no good.
 void check_link(const BoxCommand& command);
 
+// The other box is here too: both are admitted together.
+[[nodiscard]] bool both_on_this_host(const BoxCommand& command);
+
 // Exit code: 0 orderly, 1 with problems, 3 could not start, 4 stopped by a fault. `info` holds what
 // the report says of the command; options.seconds 0: until stopped.
 [[nodiscard]] int run_box(rt::NonRealtime&, Scene&, const DemoOptions&, const BoxCommand&,

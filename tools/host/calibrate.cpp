@@ -4,17 +4,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cinttypes>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
+#include <optional>
 #include <stdexcept>
 
 #include "perception/geometry/pose.hpp"
-#include "rt/hash.hpp"
 #include "rt/quantile.hpp"
-#include "tools/files/build_info.hpp"
 #include "tools/files/pose_file.hpp"
 #include "tools/host/replay.hpp"
 #include "tools/record/input_recorder.hpp"
@@ -243,9 +240,11 @@ std::string pass_name(const tasks::TaskRow& row, const std::string& choice, int 
 
 constexpr int kFusion = static_cast<int>(tasks::TaskId::kFusion);
 
-// All tasks without static choices, at `choice`, the best one.
-void measure_plain(tasks::Calibration& c, Passes& passes, const std::string& choice) {
+// All tasks without static choices, at `choice`, the best one; of `only` this box, or of both.
+void measure_plain(tasks::Calibration& c, Passes& passes, const std::string& choice,
+                   std::optional<rt::Box> only) {
   for (const auto box : {rt::Box::kOperator, rt::Box::kRobot}) {
+    if (only && *only != box) continue;
     const bool of_op = box == rt::Box::kOperator;
     const Jobs base = passes.run(
         box, -1, 0,
@@ -266,13 +265,31 @@ void measure_plain(tasks::Calibration& c, Passes& passes, const std::string& cho
   }
 }
 
-constexpr double kStillShare = 0.6;  // of the images: somebody is in the others
+// The file of a real robot says nothing of the place where it is, and in a world of nothing fusion
+// can not track: the shipped room stands in for as long as is measured.
+class SomethingToSee {
+ public:
+  SomethingToSee(Scene& scene, bool quiet) : scene_(scene) {
+    const drivers::WorldConfig& w = scene.world;
+    if (!scene.rgbd_dir.empty() || w.room.present() || !w.boxes.empty() || !w.planes.empty() ||
+        !w.cylinders.empty() || !w.spheres.empty() || !w.capsules.empty())
+      return;
+    if (!quiet) std::printf("calibrate: nothing in [world], so the images are of default_room\n");
+    given_ = scene.world;
+    scene.world = load_scene(find_config("scenes", "default_room"), {})->world;
+  }
+  ~SomethingToSee() {
+    if (given_) scene_.world = std::move(*given_);
+  }
+  SomethingToSee(const SomethingToSee&) = delete;
+  SomethingToSee& operator=(const SomethingToSee&) = delete;
 
-std::string hex(std::uint64_t x) {
-  char text[20];
-  std::snprintf(text, sizeof text, "%016" PRIx64, x);
-  return text;
-}
+ private:
+  Scene& scene_;
+  std::optional<drivers::WorldConfig> given_;
+};
+
+constexpr double kStillShare = 0.6;  // of the images: somebody is in the others
 
 // What its rows were measured with beside the scene's images.
 void note_asked(tasks::Calibration& c, const Scene& scene) {
@@ -303,9 +320,10 @@ void tell_not_tracking(const tasks::Calibration& c) {
 }  // namespace
 
 tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds, bool quiet,
-                             CalibrationInput* input) {
+                             CalibrationInput* input, std::optional<rt::Box> only) {
   tasks::Calibration c;
   static_cast<tasks::CalibrationOrigin&>(c) = calibration_origin(scene);
+  const SomethingToSee world(scene, quiet);
   note_asked(c, scene);
   std::vector<tasks::VoxelOption> options;
   for (const auto& option : tasks::voxel_options(choice_limits(scene))) {
@@ -344,7 +362,8 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   for (const auto& option : options) {
     scene.graph.fusion.tsdf.voxel_size_m = option.voxel_m;
     const bool best = &option == &options.front();
-    if (best) measure_plain(c, passes, option.name);
+    if (best) measure_plain(c, passes, option.name, only);
+    if (only && *only != fusion.box) break;
     for (int level = best ? 1 : 0; level < level_count(fusion); ++level) {
       const Jobs jobs =
           passes.run(fusion.box, kFusion, level, pass_name(fusion, option.name, level));
@@ -374,68 +393,6 @@ tasks::Calibration with_link(rt::NonRealtime& nrt, Scene& scene, double seconds,
   end_if_asked();
   c.link_share = share_of(run.link_cpu_ns, run);
   return c;
-}
-
-tasks::CalibrationOrigin calibration_origin(const Scene& scene) {
-  rt::Hash64 program, values;
-  std::ifstream self("/proc/self/exe", std::ios::binary);
-  for (std::array<char, 65536> part{}; self.read(part.data(), part.size()) || self.gcount() > 0;)
-    program.bytes(part.data(), static_cast<std::size_t>(self.gcount()));
-  const std::string text = config::effective(scene.schema);
-  values.bytes(text.data(), text.size());
-  tasks::CalibrationOrigin o;
-  o.host = tasks::host_id();
-  o.build =
-      std::string(kVersion) + " " + kBuildType + ", " + kCompiler + ", " + hex(program.digest());
-  o.config = hex(values.digest());
-  if (!scene.rgbd_dir.empty())
-    o.recording = std::filesystem::weakly_canonical(scene.rgbd_dir).string();
-  return o;
-}
-
-tasks::Calibration host_calibration(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
-                                    std::string& text) {
-  namespace fs = std::filesystem;
-  if (!options.calibration.empty()) {
-    auto c = tasks::load_calibration(options.calibration);
-    if (!c) throw std::runtime_error(c.error());
-    text = options.calibration + " (" + c.value().host + ")";
-    return std::move(c).value();
-  }
-  const char* cache = std::getenv("XDG_CACHE_HOME");
-  const char* home = std::getenv("HOME");
-  const fs::path folder =
-      (cache != nullptr ? fs::path(cache) : fs::path(home != nullptr ? home : "/tmp") / ".cache") /
-      "teletact";
-  const std::string file =
-      (folder / ("calibration-" + fs::path(options.scene_path).stem().string() + ".toml")).string();
-  std::string why = "there is none yet";
-  if (fs::exists(file)) {
-    auto c = tasks::load_calibration(file);
-    why = c ? c.value().lacks(calibration_origin(scene),
-                              tasks::make_specs(c.value(), choice_limits(scene)))
-            : c.error();
-    if (why.empty()) {
-      text = file + " (" + c.value().host + ")";
-      return std::move(c).value();
-    }
-  }
-  std::printf("measuring what each task costs here, once; %s: %s\n", file.c_str(), why.c_str());
-  std::fflush(stdout);
-  // Long enough for the first touches and the first plan of the shipped scenes.
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw std::runtime_error(folder.string() + ": can not be made: " + error.message());
-  tasks::Calibration c = calibrate(nrt, scene, 8.0, options.quiet);
-  tasks::save_calibration(file, c);
-  text = file + ", measured just now (" + c.host + ")";
-  return c;
-}
-
-tasks::Calibration reference_calibration() {
-  auto c = tasks::load_calibration(find_config("limits", "reference_costs"));
-  if (!c) throw std::runtime_error(c.error());
-  return std::move(c).value();
 }
 
 }  // namespace teletact

@@ -26,6 +26,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "rt/memory/non_realtime.hpp"
@@ -47,22 +48,28 @@ struct CalibrationInput {
 // Runs `seconds` of simulated time. Throws std::runtime_error if a pass got other input than the
 // first one, Stopped when
 // asked to end.
+// `only`: the rows of one box, whose other half runs elsewhere. A scene with nothing in [world] is
+// measured in the shipped room.
 [[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, Scene&, double seconds, bool quiet,
-                                           CalibrationInput* input = nullptr);
+                                           CalibrationInput* input = nullptr,
+                                           std::optional<rt::Box> only = std::nullopt);
 
 // `calibration` as the scene asks for it, of which only link_share is measured here, with the
 // scene's own pictures and codecs.
 [[nodiscard]] tasks::Calibration with_link(rt::NonRealtime&, Scene&, double seconds,
                                            const tasks::Calibration& calibration);
 
-// This host, this program (its bytes), the scene's values in effect and its recording.
+// This host, this program (its bytes), the scene's values in effect and its recording. Not where a
+// device of the robot is: another interface, chain or current limit costs no task more.
 [[nodiscard]] tasks::CalibrationOrigin calibration_origin(const Scene&);
 
 // The calibration of this host: the named file, or ~/.cache/teletact/calibration-SCENE.toml if it
 // was made on this host, by this program, for this configuration. Otherwise it is measured now and
-// stored there, and one line says why. `text` says which it was.
+// stored there, and one line says why. `text` says which it was. `only`: of this box alone, in
+// calibration-SCENE-robot.toml or calibration-SCENE-operator.toml.
 [[nodiscard]] tasks::Calibration host_calibration(rt::NonRealtime&, Scene&, const DemoOptions&,
-                                                  std::string& text);
+                                                  std::string& text,
+                                                  std::optional<rt::Box> only = std::nullopt);
 
 // config/limits/reference_costs.toml: shipped, so that virtual runs are the same everywhere.
 [[nodiscard]] tasks::Calibration reference_calibration();

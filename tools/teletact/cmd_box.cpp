@@ -3,12 +3,14 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <ctime>
+#include <optional>
 #include <stdexcept>
 
 #include "tools/box/run_box.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/host/calibrate.hpp"
 #include "tools/host/run_folder.hpp"
+#include "tools/scene/box_devices.hpp"
 #include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/console_words.hpp"
@@ -111,6 +113,8 @@ int run_command(int argc, char** argv, rt::Box box) {
   o.scene_path = find_config("scenes", w.scene);
   auto scene = load_scene(o.scene_path, o.overrides);
   if (!robot) check_haptic_device(*scene);
+  rt::Startup startup;
+  if (robot) check_motor_bus(startup.token(), *scene);
   const auto page = console_of(console, *scene, o);
   o.page = page.get();
 
@@ -121,7 +125,6 @@ int run_command(int argc, char** argv, rt::Box box) {
   catch_signals();
   make_output_folder("--report", o.report);
   make_run_folder(o.report);
-  rt::Startup startup;
   RunInfo info;
   for (int i = 0; i < argc; ++i)
     info.command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
@@ -133,8 +136,11 @@ int run_command(int argc, char** argv, rt::Box box) {
   info.seconds = o.seconds;
   info.host = host_rows();
   info.config_toml = config::effective(scene->schema);
+  // Both on this host are admitted together, and so measured together.
+  std::optional<rt::Box> only;
+  if (!both_on_this_host(c)) only = box;
   const tasks::Calibration calibration =
-      host_calibration(startup.token(), *scene, o, info.calibration_text);
+      host_calibration(startup.token(), *scene, o, info.calibration_text, only);
   return run_box(startup.token(), *scene, o, c, calibration, info);
 }
 

@@ -213,6 +213,59 @@ TEST(Origin, FollowsValuesRecordingAndProgram) {
   EXPECT_THAT(base.build, HasSubstr(", "));
 }
 
+// Where the robot's bus is costs no task more; how it is reached does.
+TEST(Origin, DoesNotFollowWhereTheRobotsBusIs) {
+  const auto of = [](const std::vector<std::string>& set) {
+    return teletact::calibration_origin(*scene(set)).config;
+  };
+  const std::string kind = "robot.bus.kind=\"ethercat\"";
+  const std::string eth1 = of({kind, "robot.bus.interface=\"eth1\""});
+  EXPECT_EQ(of({kind, "robot.bus.interface=\"enp3s0\""}), eth1);
+  EXPECT_EQ(of({kind, "robot.bus.interface=\"eth1\"", "robot.bus.chain=\"base+arm\"",
+                "robot.bus.most_current_A=5", "robot.bus.arm_rest=\"free\"",
+                "robot.bus.ignored_flags=64"}),
+            eth1);
+  EXPECT_NE(of({}), eth1);
+  EXPECT_NE(of({kind, "robot.bus.interface=\"eth1\"", "haptic.scale=2.5"}), eth1);
+}
+
+// The file of a real robot, as docs/robot.md has it: [robot.bus] alone.
+TEST_F(Cache, TheBoxOfARobotMeasuresWhatItRuns) {
+  const fs::path file = root_ / "robot.toml";
+  std::ofstream(file) << "[robot.bus]\nkind = \"ethercat\"\ninterface = \"eth1\"\n";
+  const auto s = teletact::load_scene(file, {});
+  teletact::CalibrationInput input;
+  const Calibration c = teletact::calibrate(nrt(), *s, 2, true, &input, rt::Box::kRobot);
+  EXPECT_EQ(input.operator_hash, 0U) << "no pass of the operator's box";
+  EXPECT_EQ(input.passes, 2U);
+  auto specs = tasks::make_specs(c, teletact::choice_limits(*s));
+  std::erase_if(specs, [](const rt::TaskSpec& t) { return t.box != rt::Box::kRobot; });
+  ASSERT_EQ(specs.size(), c.rows.size() - 1) << "capture has two levels, the others one";
+  EXPECT_EQ(c.lacks(teletact::calibration_origin(*s), specs), "");
+  EXPECT_TRUE(s->world.boxes.empty()) << "the room was lent";
+  // And it is taken the next time, on another card too.
+  options_.scene_path = file;
+  tasks::save_calibration((root_ / "teletact/calibration-robot-robot.toml").string(), c);
+  const auto moved = teletact::load_scene(file, {"robot.bus.interface=\"eth2\""});
+  std::string text;
+  (void)teletact::host_calibration(nrt(), *moved, options_, text, rt::Box::kRobot);
+  EXPECT_EQ(text.find("measured just now"), std::string::npos) << text;
+}
+
+// A world of nothing is no test of fusion: the operator's box gets the room's images.
+TEST_F(Cache, WithNothingInTheWorldFusionIsMeasuredInTheRoom) {
+  const fs::path file = root_ / "robot.toml";
+  std::ofstream(file) << "[robot.bus]\nkind = \"ethercat\"\ninterface = \"eth1\"\n";
+  const auto s = teletact::load_scene(file, {"fusion.tsdf.voxel_size_m=0.02"});
+  const Calibration c = teletact::calibrate(nrt(), *s, 2, true);
+  for (int level = 0; level < 3; ++level) {
+    const auto* r = c.find("fusion", "20 mm", level);
+    ASSERT_NE(r, nullptr);
+    EXPECT_GE(r->tracked_share, 0.95) << level;
+    EXPECT_EQ(c.does_not_track(*r), "") << level;
+  }
+}
+
 TEST_F(Cache, ABadNamedFileIsAnError) {
   options_.calibration = (root_ / "bad.toml").string();
   std::ofstream(options_.calibration) << "host = \"x\"\n[[task]]\nname = \"haptic\"\nlevel = 2\n";
