@@ -96,8 +96,12 @@ rt::Result<bool> Master::start(rt::NonRealtime& nrt) {
     return rt::Error{slaves_[i].label() +
                      ": does not reach OP: " + code_text(recovery_.status().code)};
   }
-  // Each slave's own state once, so that al_status() is of now.
-  for (std::size_t i = 0; i <= slaves_.size(); ++i) {
+  // Each slave's own state once, so that al_status() is of now; and more, until a cycle is good:
+  // the last one may have been lost.
+  constexpr std::size_t kMoreCycles = 100;
+  const std::size_t all = slaves_.size();
+  for (std::size_t i = 0; i <= all || (i <= all + kMoreCycles && health().fault != BusFault::kNone);
+       ++i) {
     (void)exchange();
     wait_period();
   }
@@ -131,6 +135,22 @@ void Master::stop(rt::NonRealtime&) noexcept {
   (void)registers_.write_all(reg::kAlControl, request);
   while (look() > 0 && states[0] != static_cast<std::uint8_t>(to) && port.now() < end)
     port.sleep_until(port.now() + std::chrono::milliseconds{1});
+}
+
+std::string Master::losses() const {
+  const ExchangeCounters &a = registers_.counters(), &b = frames_.counters();
+  const auto sent = a.sent + b.sent, lost = a.lost + b.lost;
+  const auto wrong = registers_.wrong_counters() + counters_.short_counter;
+  std::string out;
+  const auto tell = [&](std::uint64_t n, const char* what) {
+    if (n == 0 || 100 * n < sent) return;
+    out += (out.empty() ? std::to_string(n) + " of " + std::to_string(sent) + " frames "
+                        : ", " + std::to_string(n) + " ") +
+           what;
+  };
+  tell(lost, "were lost or damaged");
+  tell(wrong, "came back with a wrong working counter");
+  return out;
 }
 
 std::string Master::describe(rt::NonRealtime&, const BusHealth& h) const {

@@ -40,8 +40,7 @@ std::optional<int> reset_all(RegisterAccess& r) {
                                          0};
   (void)r.write_all(reg::kDlAlias, zero);  // no aliases
   (void)r.write_all(reg::kAlControl, init);
-  std::array<std::uint8_t, 1> type{};
-  const auto count = r.run(Command::kBrd, broadcast_address(reg::kType), type);
+  const auto count = r.count_slaves();
   if (!count) return std::nullopt;
   if (*count == 0) return 0;
   // 0x0010: of an earlier chain, or another master.
@@ -64,24 +63,47 @@ std::uint16_t station_of(int position) {
 bool give_address(RegisterAccess& r, int position) {
   std::array<std::uint8_t, 2> b{};
   store_u16(b, 0, station_of(position));
-  return r.run(Command::kApwr, position_address(position, reg::kStation), b) == 1;
+  return r.write_at(position, reg::kStation, b);
 }
 
 void look_at(RegisterAccess& r, SlaveInfo& s) {
   const auto odd = [&](const std::string& what) { s.problem = problem_of(s.position, what); };
   std::array<std::uint8_t, 10> info{};
-  if (!r.read(s.station, reg::kType, info)) return odd("does not answer");
+  if (!r.read(s.station, reg::kType, info)) return odd(r.why());
   s.type = info[0];
   s.fmmus = info[reg::kFmmuCount];
   s.sync_managers = info[reg::kSyncManagers];
   s.features = load_u16(info, reg::kFeatures);
   s.dl_status = r.read_u16(s.station, reg::kDlStatus).value_or(0);
   s.al = read_al_status(r, s.station);
-  const auto image = read_sii_image(r, s.station);
-  if (!image) return odd(image.error());
-  auto sii = parse_sii(image.value());
-  if (!sii) return odd(sii.error());
-  s.sii = std::move(sii.value());
+}
+
+// As it leaves the chip's factory, or with a bus that always gives the same.
+bool is_blank(std::span<const std::uint8_t> image) {
+  const auto head = image.first(std::min(image.size(), 2 * sii_word::kCategories));
+  return std::all_of(head.begin(), head.end(),
+                     [&](std::uint8_t b) { return b == head[0] && (b == 0 || b == 0xFF); });
+}
+
+void read_names(RegisterAccess& r, std::vector<SlaveInfo>& slaves) {
+  std::vector<std::uint16_t> stations;
+  for (const SlaveInfo& s : slaves)
+    if (s.problem.empty()) stations.push_back(s.station);
+  const auto images = read_sii_images(r, stations);
+  std::size_t next = 0;
+  for (SlaveInfo& s : slaves) {
+    if (!s.problem.empty()) continue;
+    const auto& image = images[next++];
+    if (image && is_blank(image.value())) {
+      s.problem = problem_of(s.position, "SII: its EEPROM is empty");
+      continue;
+    }
+    auto sii = image ? parse_sii(image.value()) : rt::Result<SiiContent>(rt::Error{image.error()});
+    if (sii)
+      s.sii = std::move(sii.value());
+    else
+      s.problem = problem_of(s.position, sii.error());
+  }
 }
 
 }  // namespace
@@ -118,10 +140,11 @@ rt::Result<std::vector<SlaveInfo>> scan(rt::NonRealtime&, RegisterAccess& r) {
     SlaveInfo& s = out[static_cast<std::size_t>(i)];
     s.position = i;
     s.station = station_of(i);
-    if (!give_address(r, i)) s.problem = problem_of(i, "takes no address");
+    if (!give_address(r, i)) s.problem = problem_of(i, std::string("takes no address: ") + r.why());
   }
   for (SlaveInfo& s : out)
     if (s.problem.empty()) look_at(r, s);
+  read_names(r, out);
   return out;
 }
 

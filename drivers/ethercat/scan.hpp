@@ -27,8 +27,8 @@ inline constexpr int kMostSlaves = 64;
                                                                    std::uint16_t station,
                                                                    std::size_t first_word,
                                                                    std::size_t words);
-// All of it, up to the end of the categories.
-[[nodiscard]] rt::Result<std::vector<std::uint8_t>> read_sii_image(RegisterAccess&,
-                                                                   std::uint16_t station);
+// All of it, up to the end of the categories, of all these slaves at once.
+[[nodiscard]] std::vector<rt::Result<std::vector<std::uint8_t>>> read_sii_images(
+    RegisterAccess&, std::span<const std::uint16_t> stations);
 
 }  // namespace drivers::ethercat

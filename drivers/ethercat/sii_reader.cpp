@@ -1,4 +1,11 @@
-// Reading an EEPROM: ESC data sheet II, registers 0x0500 to 0x050F; ETG.1000.4, 6.4.
+// Reading EEPROMs: ESC data sheet II, registers 0x0500 to 0x050F; ETG.1000.4, 6.4. All slaves at
+// once: a frame carries a datagram for each, so that eleven boards take the frames of one.
+//
+//   kReady     0x0502 not busy; errors of before are cleared by a command of zero
+//   kCommand   0x0502 read, 0x0504 the word
+//   kData      0x0502 to 0x050F: not busy any more, and 4 or 8 bytes, by the width it states
+//
+// Command and data are never in one frame: a slave takes a write when the frame has ended.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -10,87 +17,170 @@ namespace drivers::ethercat {
 
 namespace {
 
-constexpr int kTriesOfNoAnswer = 3;
+constexpr int kTriesOfNoAnswer = 3, kTriesOfCounter = 12;
 constexpr std::size_t kMostWords = 0x4000;  // 32 KiB: no slave's EEPROM is larger
 constexpr rt::Nanos kSiiTimeout = std::chrono::milliseconds{20};
 // Asked at least so often: the caller's own thread may have been away for all of that time.
 constexpr int kLeastPolls = 8;
 constexpr rt::Nanos kSiiPoll = std::chrono::microseconds{50};
+constexpr std::size_t kDataBytes = 14;  // 0x0502 to 0x050F
+constexpr std::size_t kSlavesAFrame = 50;
 
-rt::Error sii_problem(std::uint16_t station, std::size_t word, const char* what) {
-  std::array<char, 128> text{};
-  std::snprintf(text.data(), text.size(), "station 0x%04X, SII word 0x%04zX: %s", station, word,
-                what);
-  return {text.data()};
-}
+enum class Step : std::uint8_t { kReady, kClear, kCommand, kData, kEnd };
 
-// Waits until bit 15 is clear. The control word; nullopt: no answer, or busy for too long.
-std::optional<std::uint16_t> wait_ready(RegisterAccess& r, std::uint16_t station) {
-  const rt::Time end = r.port().now() + kSiiTimeout;
-  for (int polls = 1;; ++polls) {
-    const auto control = r.read_u16(station, reg::kSiiControl);
-    if (!control || (*control & sii_control::kBusy) == 0) return control;
-    if (polls >= kLeastPolls && r.port().now() >= end) return std::nullopt;
-    r.port().sleep_until(r.port().now() + kSiiPoll);
+struct Reading {
+  std::uint16_t station = 0;
+  std::size_t first_word = 0, words = 0;  // what is wanted
+  bool whole = false;                     // `words` grow with the heads of categories
+  Step step = Step::kReady;
+  std::vector<std::uint8_t> bytes;
+  std::string problem;
+  int polls = 0, no_answer = 0, wrong_counter = 0;
+  rt::Time asked{};
+
+  [[nodiscard]] std::size_t word() const noexcept { return first_word + bytes.size() / 2; }
+  void fail(const char* what) {
+    std::array<char, 128> text{};
+    std::snprintf(text.data(), text.size(), "SII word 0x%04zX: %s", word(), what);
+    problem = text.data();
+    step = Step::kEnd;
+  }
+  void go(Step next, rt::Time now) noexcept {
+    step = next;
+    polls = 0;
+    asked = now;
+  }
+};
+
+void add_to(FrameExchange& frame, const Reading& s) noexcept {
+  const std::uint32_t control = station_address(s.station, reg::kSiiControl);
+  std::array<std::uint8_t, 6> command{};
+  switch (s.step) {
+    case Step::kReady:
+      (void)frame.add(Command::kFprd, control, 2);
+      return;
+    case Step::kClear:
+      (void)frame.add(Command::kFpwr, control, 2, std::span(command).first(2));
+      return;
+    case Step::kCommand:
+      store_u16(command, 0, sii_control::kRead);
+      store_u32(command, 2, static_cast<std::uint32_t>(s.word()));
+      (void)frame.add(Command::kFpwr, control, command.size(), command);
+      return;
+    case Step::kData:
+      (void)frame.add(Command::kFprd, control, kDataBytes);
+      return;
+    case Step::kEnd:
+      return;
   }
 }
 
-// 4 or 8 bytes from `word` on, by the width that the slave states; 0: failed.
-std::size_t read_once(RegisterAccess& r, std::uint16_t station, std::size_t word,
-                      std::array<std::uint8_t, 8>& out) {
-  for (int attempt = 0; attempt < kTriesOfNoAnswer; ++attempt) {
-    auto control = wait_ready(r, station);
-    if (!control) return 0;
-    if ((*control & sii_control::kErrors) != 0)
-      (void)r.write_u16(station, reg::kSiiControl, 0);  // clears what stands from before
-    std::array<std::uint8_t, 6> command{};
-    store_u16(command, 0, sii_control::kRead);
-    store_u32(command, 2, static_cast<std::uint32_t>(word));
-    if (!r.write(station, reg::kSiiControl, command)) return 0;
-    control = wait_ready(r, station);
-    if (!control) return 0;
-    if ((*control & sii_control::kNoAnswer) != 0) continue;
-    const std::size_t width = (*control & sii_control::kReadsEight) != 0 ? 8 : 4;
-    if (!r.read(station, reg::kSiiData, std::span(out).first(width))) return 0;
-    return width;
+// Heads of categories say how much more there is.
+void grow(Reading& s) {
+  while (s.whole && s.bytes.size() >= 2 * (s.words + 2)) {
+    const auto head = std::span<const std::uint8_t>(s.bytes).subspan(2 * s.words, 4);
+    const std::size_t more = load_u16(head, 2);
+    if (load_u16(head) == sii_category::kEnd) {
+      s.words += 2;
+      s.whole = false;
+    } else if (more > kMostWords) {
+      return s.fail("a category larger than any EEPROM");
+    } else {
+      s.words += 2 + more;
+    }
+    if (s.words >= kMostWords) return s.fail("no end of the categories");
   }
-  return 0;
+  if (s.whole || s.bytes.size() < 2 * s.words) return;
+  s.bytes.resize(2 * s.words);
+  s.step = Step::kEnd;
+}
+
+void take(Reading& s, const DatagramView& d, RegisterAccess& r) {
+  const rt::Time now = r.port().now();
+  if (d.counter != 1) {
+    r.count_wrong_counter();
+    if (++s.wrong_counter >= kTriesOfCounter) s.fail("the slave does not answer");
+    return;
+  }
+  s.wrong_counter = 0;
+  if (s.step == Step::kClear) return s.go(Step::kCommand, now);
+  if (s.step == Step::kCommand) return s.go(Step::kData, now);
+  const unsigned control = load_u16(d.data);
+  if ((control & sii_control::kBusy) != 0) {
+    if (++s.polls >= kLeastPolls && now >= s.asked + kSiiTimeout)
+      s.fail("the EEPROM stays busy: it is damaged, or not there");
+    return;
+  }
+  if (s.step == Step::kReady)
+    return s.go((control & sii_control::kErrors) != 0 ? Step::kClear : Step::kCommand, now);
+  if ((control & sii_control::kNoAnswer) != 0) {
+    if (++s.no_answer >= kTriesOfNoAnswer)
+      return s.fail("the EEPROM does not answer: it is damaged, or not there");
+    return s.go(Step::kReady, now);
+  }
+  s.no_answer = 0;
+  const std::size_t width = (control & sii_control::kReadsEight) != 0 ? 8 : 4;
+  const auto data = d.data.subspan(reg::kSiiData - reg::kSiiControl, width);
+  s.bytes.insert(s.bytes.end(), data.begin(), data.end());
+  s.go(Step::kCommand, now);
+  grow(s);
+}
+
+// Until each has its words or a problem.
+void run(RegisterAccess& r, std::vector<Reading>& all) {
+  std::vector<Reading*> at_work;
+  for (;;) {
+    at_work.clear();
+    bool waits = true;
+    for (Reading& s : all) {
+      if (s.step == Step::kEnd || at_work.size() >= kSlavesAFrame) continue;
+      at_work.push_back(&s);
+      waits = waits && s.polls > 0;
+    }
+    if (at_work.empty()) return;
+    if (waits) r.port().sleep_until(r.port().now() + kSiiPoll);
+    const bool came = r.exchange([&](FrameExchange& frame) {
+      for (const Reading* s : at_work) add_to(frame, *s);
+    });
+    for (std::size_t i = 0; i < at_work.size(); ++i) {
+      if (came)
+        take(*at_work[i], r.reply(i), r);
+      else
+        at_work[i]->fail(r.why());
+    }
+  }
 }
 
 }  // namespace
 
 rt::Result<std::vector<std::uint8_t>> read_sii_words(RegisterAccess& r, std::uint16_t station,
                                                      std::size_t first_word, std::size_t words) {
-  std::vector<std::uint8_t> out;
-  out.reserve(2 * words + 8);
-  std::array<std::uint8_t, 8> piece{};
-  while (out.size() < 2 * words) {
-    const std::size_t word = first_word + out.size() / 2;
-    const std::size_t width = read_once(r, station, word, piece);
-    if (width == 0) return sii_problem(station, word, "can not be read");
-    out.insert(out.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(width));
-  }
-  out.resize(2 * words);
-  return out;
+  std::vector<Reading> one(1);
+  one[0].station = station;
+  one[0].first_word = first_word;
+  one[0].words = words;
+  if (words > 0) run(r, one);
+  if (!one[0].problem.empty()) return rt::Error{one[0].problem};
+  return std::move(one[0].bytes);
 }
 
-rt::Result<std::vector<std::uint8_t>> read_sii_image(RegisterAccess& r, std::uint16_t station) {
-  auto image = read_sii_words(r, station, 0, sii_word::kCategories);
-  while (image) {
-    const std::size_t at = image.value().size() / 2;
-    if (at >= kMostWords) return sii_problem(station, at, "no end of the categories");
-    const auto head = read_sii_words(r, station, at, 2);
-    if (!head) return head;
-    auto& all = image.value();
-    all.insert(all.end(), head.value().begin(), head.value().end());
-    if (load_u16(head.value()) == sii_category::kEnd) return image;
-    const std::size_t words = load_u16(head.value(), 2);
-    if (words > kMostWords) return sii_problem(station, at, "a category larger than any EEPROM");
-    const auto data = read_sii_words(r, station, at + 2, words);
-    if (!data) return data;
-    all.insert(all.end(), data.value().begin(), data.value().end());
+std::vector<rt::Result<std::vector<std::uint8_t>>> read_sii_images(
+    RegisterAccess& r, std::span<const std::uint16_t> stations) {
+  std::vector<Reading> all(stations.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].station = stations[i];
+    all[i].words = sii_word::kCategories;
+    all[i].whole = true;
   }
-  return image;
+  run(r, all);
+  std::vector<rt::Result<std::vector<std::uint8_t>>> out;
+  for (Reading& s : all) {
+    if (s.problem.empty())
+      out.emplace_back(std::move(s.bytes));
+    else
+      out.emplace_back(rt::Error{s.problem});
+  }
+  return out;
 }
 
 }  // namespace drivers::ethercat

@@ -24,8 +24,8 @@ rt::Result<bool> write_blocks(RegisterAccess& r, const SlaveInfo& s,
                               std::span<const RegisterBlock> blocks) {
   for (const RegisterBlock& b : blocks) {
     if (r.write(s.station, b.reg, std::span(b.bytes).first(b.size))) continue;
-    std::array<char, 64> text{};
-    std::snprintf(text.data(), text.size(), ": does not take register 0x%04X", b.reg);
+    std::array<char, 96> text{};
+    std::snprintf(text.data(), text.size(), ": register 0x%04X: %s", b.reg, r.why());
     return rt::Error{s.label() + text.data()};
   }
   return true;
@@ -40,14 +40,14 @@ rt::Result<bool> request_state(RegisterAccess& r, const SlaveInfo& s, AlState wa
   // Alone, and until it shows: an old error bit that is read behind the request would look like the
   // request's refusal.
   if (is.error() && !r.write_u16(s.station, reg::kAlControl, is.state | kAlAcknowledge))
-    return rt::Error{s.label() + ": does not answer"};
+    return rt::Error{s.label() + ": " + r.why()};
   while (is.error()) {
     if (r.port().now() >= end) return refusal(s, wanted, is);
     r.port().sleep_until(r.port().now() + kStatePoll);
     is = read_al_status(r, s.station);
   }
   if (!r.write_u16(s.station, reg::kAlControl, static_cast<unsigned>(wanted)))
-    return rt::Error{s.label() + ": does not answer"};
+    return rt::Error{s.label() + ": " + r.why()};
   for (;;) {
     is = read_al_status(r, s.station);
     if (is.is() == wanted && !is.error()) return true;
@@ -64,7 +64,7 @@ rt::Result<bool> to_preop(RegisterAccess& r, const SlaveInfo& s, const SlaveMapp
   auto written = write_blocks(
       r, s, std::span(m.mailbox_setup).first(static_cast<std::size_t>(m.mailbox_blocks)));
   if (!written) return written;
-  if (!r.write_u8(s.station, reg::kSiiAccess, 1)) return rt::Error{s.label() + ": does not answer"};
+  if (!r.write_u8(s.station, reg::kSiiAccess, 1)) return rt::Error{s.label() + ": " + r.why()};
   return request_state(r, s, AlState::kPreOp, timeout);
 }
 

@@ -99,6 +99,26 @@ std::optional<ChainKind> find_chain(const std::vector<ethercat::SlaveInfo>& slav
   return std::nullopt;
 }
 
+std::string missing_text(std::size_t there, std::size_t wanted) {
+  if (there >= wanted) return {};
+  const std::string which = there + 1 == wanted ? "slave " + std::to_string(wanted) + " is missing"
+                                                : "slaves " + std::to_string(there + 1) + " to " +
+                                                      std::to_string(wanted) + " are missing";
+  if (there == 0)
+    return "no slave answers: look at the cable to the first one, and whether the robot has power";
+  return which + ": look at the cable behind " + std::to_string(there) +
+         ", or at the emergency stop";
+}
+
+std::string missing_boards(ChainKind kind, const std::vector<ethercat::SlaveInfo>& slaves) {
+  const auto boards = boards_of(kind);
+  if (slaves.size() >= boards.size()) return {};
+  for (std::size_t i = 0; i < slaves.size(); ++i)
+    if (!fits(boards[i], slaves[i].sii.name)) return {};
+  return missing_text(slaves.size(), boards.size()) + " (slave " +
+         std::to_string(slaves.size() + 1) + ": " + boards[slaves.size()].name() + ")";
+}
+
 std::vector<std::string> check_chain(ChainKind kind,
                                      const std::vector<ethercat::SlaveInfo>& slaves) {
   std::vector<std::string> out;

@@ -44,6 +44,12 @@ struct BoardPlace {
 // The kind of chain that was found, nullopt: none of them.
 [[nodiscard]] std::optional<ChainKind> find_chain(const std::vector<ethercat::SlaveInfo>&);
 
+// "slaves 7 to 11 are missing: look at the cable behind 6, or at the emergency stop", where the
+// boards that answer are the first ones of this chain and others should follow; empty: they are
+// not. Of no board at all it says that none answers.
+[[nodiscard]] std::string missing_boards(ChainKind, const std::vector<ethercat::SlaveInfo>&);
+[[nodiscard]] std::string missing_text(std::size_t there, std::size_t wanted);
+
 // A line for each slave that is wrong, missing or too many, and for each drive whose process data
 // or mailbox is not a youBot's. Empty: the chain is that.
 [[nodiscard]] std::vector<std::string> check_chain(ChainKind,

@@ -11,6 +11,13 @@ constexpr rt::Nanos kCyclePeriod = std::chrono::milliseconds{1};
 constexpr rt::Nanos kKeepPeriod = std::chrono::milliseconds{10};
 constexpr int kClearCycles = 2000;
 
+// A board that could not be read says why itself; it may be one of a youBot's.
+std::string unread(const std::vector<ethercat::SlaveInfo>& slaves) {
+  for (const auto& s : slaves)
+    if (s.sii.name.empty() && !s.problem.empty()) return s.problem;
+  return {};
+}
+
 rt::Error not_a_youbot(const std::vector<ethercat::SlaveInfo>& slaves, ChainKind wanted) {
   const auto wrong = check_chain(wanted, slaves);
   std::string text = std::string("not a youBot '") + to_text(wanted) +
@@ -52,20 +59,32 @@ std::string without_commutation(ChainKind kind, const ethercat::Master& master) 
   return {};
 }
 
-}  // namespace
-
-rt::Result<ChainKind> bring_up(rt::NonRealtime& nrt, ethercat::Master& master,
-                               const std::string& chain) {
+rt::Result<ChainKind> try_bring_up(rt::NonRealtime& nrt, ethercat::Master& master,
+                                   const std::string& chain) {
   if (const auto found = master.find(nrt); !found) return rt::Error{found.error()};
+  if (const std::string why = unread(master.slaves()); !why.empty()) return rt::Error{why};
   const auto there = find_chain(master.slaves());
   const auto wanted = chain_kind_of(chain);
+  const ChainKind likely = wanted ? *wanted : nearest(master.slaves().size());
   if (!there || (wanted && *wanted != *there))
-    return not_a_youbot(master.slaves(), wanted ? *wanted : nearest(master.slaves().size()));
+    if (const auto missing = missing_boards(likely, master.slaves()); !missing.empty())
+      return rt::Error{missing};
+  if (!there || (wanted && *wanted != *there)) return not_a_youbot(master.slaves(), likely);
   const auto wrong = check_chain(*there, master.slaves());
   if (!wrong.empty()) return not_a_youbot(master.slaves(), *there);
   if (const auto done = master.configure(nrt); !done) return rt::Error{done.error()};
   if (const auto done = master.start(nrt); !done) return rt::Error{done.error()};
   return *there;
+}
+
+}  // namespace
+
+rt::Result<ChainKind> bring_up(rt::NonRealtime& nrt, ethercat::Master& master,
+                               const std::string& chain) {
+  auto there = try_bring_up(nrt, master, chain);
+  const std::string losses = master.losses();
+  if (there || losses.empty()) return there;
+  return rt::Error{there.error() + " (" + losses + ": look at cable, plugs and card)"};
 }
 
 rt::Result<std::unique_ptr<EtherCatYoubot>> EtherCatYoubot::open(

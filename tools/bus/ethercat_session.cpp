@@ -77,14 +77,13 @@ std::size_t EtherCatSession::slave(int number) const {
 }
 
 int EtherCatSession::count() {
-  std::array<std::uint8_t, 1> type{};
-  const auto n = registers().run(ec::Command::kBrd, ec::broadcast_address(ec::reg::kType), type);
+  const auto n = registers().count_slaves();
   if (!n) throw CouldNotDo("EtherCAT: no frame came back: no slave, no cable, or no link");
   return *n;
 }
 
 bool EtherCatSession::look(int position, std::uint16_t reg, std::span<std::uint8_t> into) {
-  return registers().run(ec::Command::kAprd, ec::position_address(position, reg), into) == 1;
+  return registers().read_at(position, reg, into);
 }
 
 void EtherCatSession::finish() {

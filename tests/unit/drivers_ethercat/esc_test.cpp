@@ -216,7 +216,8 @@ TEST(Esc, EepromByFourAndByEight) {
     c.sii_busy_looks = 5;
     WireRig rig(1, c);
     rig.scan_all();
-    const auto image = read_sii_image(rig.registers, 0x1001);
+    const auto images = read_sii_images(rig.registers, std::array<std::uint16_t, 1>{0x1001});
+    const auto& image = images.at(0);
     ASSERT_TRUE(image) << image.error();
     const auto& all = rig.wire.slave(0).eeprom();
     ASSERT_LE(image.value().size(), all.size());

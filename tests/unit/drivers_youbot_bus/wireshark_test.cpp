@@ -79,7 +79,7 @@ std::vector<int> run_a_bus(const std::string& file, bool forbids_lrw) {
   yb::YoubotChainConfig c;
   c.forbids_lrw = forbids_lrw;
   Recorded bus(file, c);
-  for (int i = 0; i < 200; ++i) {
+  for (int i = 0; i < 900; ++i) {
     if (i % 20 == 0)
       (void)bus.master->post(1, drivers::tmcl::encode(drivers::tmcl::Request{0, 6, 156, 0, i}));
     const bool cut = i >= 50 && i < 60;
