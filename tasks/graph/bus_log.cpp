@@ -87,6 +87,8 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
                            line_of(f::kMadeSafe,
                                    "its motors were stopped: too many of its "
                                    "deadlines were missed, or a job of it hung"));
+  over_ = sites.add<unsigned, double, unsigned>(
+      nrt, rt::LogLevel::kInfo, "F-RIO-{:02} is over: it was there for {:.1f} s, in {} jobs");
   down_ = sites.add<>(nrt, level, line_of(f::kBusDown, "the motor bus is down"));
   std::size_t n = 0;
   for (const auto& flag : drivers::tmcl::motor_flags()) {
@@ -104,6 +106,11 @@ void BusLog::say_state(rt::RtLog& log, rt::Time now, const drivers::BusDetail& d
   } else {
     log.write(slave_state_, now, slave, unsigned{d.al_state}, unsigned{d.al_code});
   }
+}
+
+void BusLog::say_over(rt::RtLog& log, rt::Time now, const LastingFaults::Ended& e) const noexcept {
+  constexpr unsigned kFirst = 500;  // ids of robot_io: F-RIO-01 is 501
+  log.write(over_, now, e.fault - kFirst, e.lasted_s, e.jobs);
 }
 
 void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcept {

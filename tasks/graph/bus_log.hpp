@@ -5,6 +5,7 @@
 #include <array>
 
 #include "rt/audit/rt_log.hpp"
+#include "tasks/graph/lasting_faults.hpp"
 #include "tasks/robot_io/bus_watch.hpp"
 
 namespace tasks {
@@ -13,6 +14,7 @@ class BusLog {
  public:
   BusLog(rt::NonRealtime&, rt::LogSites&);
   void say(rt::RtLog&, rt::Time, const BusReport&) const noexcept;
+  void say_over(rt::RtLog&, rt::Time, const LastingFaults::Ended&) const noexcept;
 
  private:
   void say_state(rt::RtLog&, rt::Time, const drivers::BusDetail&) const noexcept;
@@ -25,6 +27,7 @@ class BusLog {
   rt::LogSite<unsigned> slave_unknown_, slaves_missing_, not_commutated_, encoder_stands_;
   rt::LogSite<unsigned> module_silent_, module_refuses_;            // of a CAN bus
   std::array<rt::LogSite<unsigned, unsigned, unsigned>, 4> joint_;  // by cause: slave, arm, joint
+  rt::LogSite<unsigned, double, unsigned> over_;
   rt::LogSite<> bus_off_, queue_full_, interface_down_;
   rt::LogSite<> working_counter_, link_down_, down_, made_safe_;
 };

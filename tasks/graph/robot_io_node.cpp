@@ -57,23 +57,21 @@ void RobotIoNode::log_estop(const rt::Tick& tick) noexcept {
   logs.of(TaskId::kRobotIo).write(logs.estop, tick.start, 1e6 * rt::seconds(tick.start - opened));
 }
 
-// Who has a fault: when it begins, when more of it is known, and at most once a second while it
-// comes and goes.
+// Who has a fault. Of slaves that are not in OP or do not answer the cycles name one in turn: these
+// are one fault, and of it the slave that was seen first.
 void RobotIoNode::log_bus(const rt::Tick& tick) noexcept {
-  constexpr rt::Nanos kAgain = std::chrono::seconds{1};
+  auto& logs = *cells_.logs;
+  auto& log = logs.of(TaskId::kRobotIo);
+  LastingFaults::Ended over;
+  while (lasting_.take_ended(tick.start, over)) logs.bus.say_over(log, tick.start, over);
   const BusReport& now = out_.bus;
   if (now.fault == rt::kNoFault || now.fault == robot_io_fault::kFrameLost) return;
   // Which slave it is, is known some cycles later.
   if (now.fault == robot_io_fault::kSlaveState && now.detail.slave == 0) return;
-  const bool same = now.fault == said_.fault && now.wheel == said_.wheel &&
-                    now.detail.slave == said_.detail.slave;
-  const bool lasts = tick.start - seen_at_ <= 2 * tick.period;
-  seen_at_ = tick.start;
-  if (same && (lasts || tick.start - said_at_ < kAgain)) return;
-  said_ = now;
-  said_at_ = tick.start;
-  auto& logs = *cells_.logs;
-  logs.bus.say(logs.of(TaskId::kRobotIo), tick.start, now);
+  const bool in_turn =
+      now.fault == robot_io_fault::kSlaveState || now.fault == robot_io_fault::kSlavesMissing;
+  const int who = in_turn ? 0 : now.wheel >= 0 ? now.wheel + 1 : now.detail.slave;
+  if (lasting_.is_there(now.fault, who, tick.start)) logs.bus.say(log, tick.start, now);
 }
 
 rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {

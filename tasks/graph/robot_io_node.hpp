@@ -1,6 +1,7 @@
 // The robot_io task as an executor sees it: one bus cycle a job, goal and mode in, state out.
 #pragma once
 
+#include "tasks/graph/lasting_faults.hpp"
 #include "tasks/graph/limits.hpp"
 #include "tasks/graph/robot_graph.hpp"
 
@@ -34,8 +35,7 @@ class RobotIoNode final : public rt::TaskBody {
   bool hash_;
   drivers::BusStatus sent_ = drivers::BusStatus::kOk;  // of the last job's setpoints
   drivers::BusDetail sent_detail_;
-  BusReport said_;  // on the log
-  rt::Time said_at_{}, seen_at_{};
+  LastingFaults lasting_;  // of the bus and motors, on the log
   ReaderLimits<TaskId::kRobotIo> limits_;
   std::uint64_t logged_refused_ = 0, logged_expired_ = 0;
   rt::Time logged_estop_{};
