@@ -130,6 +130,8 @@ class Master {
 
   // A mailbox request that the cycles carry; false: one is under way. Its end is in mailbox().
   bool post(std::size_t slave, std::span<const std::uint8_t> request, int patience = 200) noexcept;
+  // Reads a reply that nobody waits for any more, as long as one comes; the same otherwise.
+  bool post_read(std::size_t slave, int patience) noexcept;
   [[nodiscard]] const MailboxTransfer& mailbox() const noexcept { return transfer_; }
 
  private:

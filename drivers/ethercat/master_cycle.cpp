@@ -245,4 +245,10 @@ bool Master::post(std::size_t slave, std::span<const std::uint8_t> request, int 
   return true;
 }
 
+bool Master::post_read(std::size_t slave, int patience) noexcept {
+  if (transfer_.busy()) return false;
+  transfer_.start_read(slaves_[slave].station, mapping_.slaves[slave].mailbox, patience);
+  return true;
+}
+
 }  // namespace drivers::ethercat

@@ -1,6 +1,10 @@
 // A youBot's chain in OP for set-up and bench: cycles at a pace, TMCL requests while they run,
 // and a command for each drive. Ordinary thread: it waits and allocates.
 //
+// A reply that is lost, empty or odd, and a reading that is refused, is asked for again: boards of
+// firmware 1.48 give zeros at first. At most kMostAsks times, and kSilence for a mailbox that says
+// nothing; such a board is not asked again in this session. A movement is never asked for twice.
+//
 // Every command is motor stop until it is set. A bus that is bad for `bad_limit` cycles in a row
 // ends the session: the master sends zeros from then on, and failed() says why.
 #pragma once
@@ -39,7 +43,8 @@ class DriveSession {
     return master_.inputs(position).size();
   }
   // TMCL through the mailbox while cycles run. The error names the board and what it said.
-  [[nodiscard]] rt::Result<std::int32_t> ask(std::size_t position, const tmcl::Request&);
+  [[nodiscard]] rt::Result<std::int32_t> ask(std::size_t position, const tmcl::Request&,
+                                             int most_asks = kMostAsks);
   [[nodiscard]] rt::Result<std::int32_t> get(std::size_t position, std::uint8_t parameter);
   [[nodiscard]] rt::Result<bool> put(std::size_t position, std::uint8_t parameter,
                                      std::int32_t value);
@@ -47,17 +52,30 @@ class DriveSession {
   // Of the gripper behind a joint 5.
   [[nodiscard]] rt::Result<tmcl::Firmware> gripper_firmware(std::size_t position);
   [[nodiscard]] rt::Time now() const noexcept { return port_.now(); }
+  // Its mailbox has been silent for kSilence.
+  [[nodiscard]] bool is_silent(std::size_t position) const { return silent_[position]; }
   // Empty: it has not.
   [[nodiscard]] std::string failed() const;
   [[nodiscard]] std::string name(std::size_t position) const { return boards_[position].name(); }
 
+  static constexpr int kMostAsks = 50;
+  static constexpr rt::Nanos kSilence = std::chrono::seconds{5};
+
  private:
-  [[nodiscard]] rt::Result<std::vector<std::uint8_t>> transfer(std::size_t position,
-                                                               const tmcl::Request&);
+  using Bytes = std::span<const std::uint8_t>;
+  // Of a reply: empty, or why it is none.
+  using Judge = std::function<std::string(Bytes reply)>;
+  [[nodiscard]] rt::Result<bool> ask_until(std::size_t position, const tmcl::Request&,
+                                           int most_asks, const Judge&);
+  [[nodiscard]] rt::Result<tmcl::Firmware> version(std::size_t position, std::uint8_t module);
+  // False: no reply.
+  [[nodiscard]] bool transfer(std::size_t position, const tmcl::Request&);
+  void throw_late_replies_away(std::size_t position);
   rt::NonRealtime& nrt_;
   ethercat::Master& master_;
   ethercat::Port& port_;
   std::vector<BoardPlace> boards_;
+  std::vector<bool> silent_;  // by position
   rt::Time next_;
 };
 

@@ -75,13 +75,17 @@ rt::Result<std::vector<GripperReport>> look_at_grippers(DriveSession& s) {
     GripperReport r;
     r.position = joints.back();
     r.name = "arm " + std::to_string(arm) + " gripper";
-    const auto homed = s.ask(r.position, gripper_calibrated(tmcl::Command::kGetGlobal, 0));
+    // No gripper: nobody answers, or the joint says that it knows none.
+    constexpr int kFewAsks = 3;
+    const auto homed =
+        s.ask(r.position, gripper_calibrated(tmcl::Command::kGetGlobal, 0), kFewAsks);
     if (!s.failed().empty()) return rt::Error{s.failed()};
     if (!homed) continue;
     r.calibrated = homed.value() == 1;
     // Its exact text is not published: one that can not be read is no reason against it.
     if (const auto firmware = s.gripper_firmware(r.position)) r.firmware = firmware.value();
-    if (const auto read = read_bars(s, r); !read) return rt::Error{read.error()};
+    if (const auto read = read_bars(s, r); !read) r.wrong = read.error();
+    if (!s.failed().empty()) return rt::Error{s.failed()};
     out.push_back(std::move(r));
   }
   return out;

@@ -29,6 +29,7 @@ struct GripperReport {
   tmcl::Firmware firmware;   // controller 842; 0: its text is not known
   bool calibrated = false;
   std::array<GripperBar, 2> bars;
+  std::string wrong;  // what it did not tell, and why; empty: nothing
 };
 
 // One entry for each arm that has one. A joint 5 without one answers that it does not know it.

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <numbers>
 
 #include "drivers/tmcl/motor_faults.hpp"
@@ -59,7 +60,8 @@ rt::Error stopped(DriveSession& s, const std::string& why) {
 // that refuses to tell has no such flags.
 rt::Result<std::uint32_t> flags_of(DriveSession& s, std::size_t i, const DriveInputs& in) {
   if (s.input_bytes(i) != kNarrowInputBytes) return in.flags;
-  const auto all = s.get(i, axis::kFlags);
+  const auto all = s.ask(
+      i, {0, static_cast<std::uint8_t>(tmcl::Command::kGetAxisParameter), axis::kFlags, 0, 0}, 3);
   if (all) return in.flags | static_cast<std::uint32_t>(all.value());
   if (!s.failed().empty()) return rt::Error{all.error()};
   return in.flags;
@@ -76,40 +78,78 @@ std::string faults_text(std::uint32_t flags) {
   return text;
 }
 
-rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
+// What a board tells of itself, and what it does not.
+class Look {
+ public:
+  Look(DriveSession& s, std::size_t i) : s_(s), i_(i) {}
+  // The value of a parameter; `missing`: it was not told.
+  std::int32_t parameter(std::uint8_t number, const char* name, std::int32_t missing) {
+    const auto v = s_.get(i_, number);
+    if (v) return v.value();
+    miss(std::string(name) + " (axis parameter " + std::to_string(number) + ")", v.error());
+    return missing;
+  }
+  bool is_homed() {
+    const auto v = s_.ask(i_, calibrated(tmcl::Command::kGetGlobal, 0));
+    if (!v) miss("whether it is homed (user variable 16)", v.error());
+    return v && v.value() == 1;
+  }
+  tmcl::Firmware firmware() {
+    const auto v = s_.firmware(i_);
+    if (!v) miss("firmware", v.error());
+    return v ? v.value() : tmcl::Firmware{};
+  }
+  std::uint32_t flags(const DriveInputs& in) {
+    const auto v = flags_of(s_, i_, in);
+    return v ? v.value() : in.flags;
+  }
+  [[nodiscard]] const std::string& missed() const { return missed_; }
+
+ private:
+  // Of a mailbox that is dead one line, whatever was asked.
+  void miss(const std::string& what, const std::string& error) {
+    const std::string name = s_.name(i_) + ": ";
+    const std::string why = error.starts_with(name) ? error.substr(name.size()) : error;
+    if (s_.is_silent(i_))
+      missed_ = "its mailbox has been silent for 5 s";
+    else
+      missed_ += (missed_.empty() ? "does not tell its " : "; nor its ") + what + ": " + why;
+  }
+  DriveSession& s_;
+  std::size_t i_;
+  std::string missed_;
+};
+
+DriveReport look(DriveSession& s, std::size_t i) {
   DriveReport r;
   r.position = i;
   r.name = s.name(i);
-  const auto firmware = s.firmware(i);
-  if (!firmware) return rt::Error{firmware.error()};
-  r.firmware = firmware.value();
-  const auto volts = s.get(i, axis::kSupplyVoltage);
-  const auto adc = s.get(i, axis::kTemperature);
-  const auto found = s.get(i, axis::kInitialised);
-  const auto most = s.get(i, axis::kMaxCurrent);
-  for (const auto* x : {&volts, &adc, &found, &most})
-    if (!*x) return rt::Error{x->error()};
-  r.supply_V = 0.01 * volts.value();
-  r.max_current_mA = most.value();
-  r.temperature_C = tmcl::driver_temperature_C(adc.value());
+  Look board(s, i);
+  r.firmware = board.firmware();
+  constexpr std::int32_t kUntold = -1;
+  const auto volts = board.parameter(axis::kSupplyVoltage, "supply voltage", kUntold);
+  const auto adc = board.parameter(axis::kTemperature, "temperature", kUntold);
+  const auto found = board.parameter(axis::kInitialised, "commutation", kUntold);
+  r.max_current_mA = board.parameter(axis::kMaxCurrent, "greatest current", kUntold);
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  r.supply_V = volts == kUntold ? kNone : 0.01 * volts;
+  r.temperature_C = adc == kUntold ? kNone : tmcl::driver_temperature_C(adc);
   const DriveInputs in = s.inputs(i);
-  const auto flags = flags_of(s, i, in);
-  if (!flags) return rt::Error{flags.error()};
-  r.flags = flags.value();
+  r.flags = board.flags(in);
   r.position_ticks = in.position_ticks;
   r.current_mA = in.current_mA;
-  r.commutated = found.value() == 1;
+  // Flag 15 of the process data is the same, where the mailbox does not tell.
+  r.commutated = found == kUntold ? has(in, motor_flag::kInitialised) : found == 1;
   std::string homing;
   if (s.boards()[i].kind == BoardKind::kJoint) {
-    const auto homed = s.ask(i, calibrated(tmcl::Command::kGetGlobal, 0));
-    if (!homed) return rt::Error{homed.error()};
-    r.homed = homed.value() == 1;
-    if (!r.homed) homing = "not homed: teletact youbot setup";
+    r.homed = board.is_homed();
+    if (!r.homed && !s.is_silent(i)) homing = "not homed: teletact youbot setup";
   }
   // Homing follows the commutation.
   const std::string next = r.commutated ? homing : "no commutation: teletact youbot setup";
-  r.wrong = faults_text(r.flags);
-  if (!next.empty()) r.wrong += (r.wrong.empty() ? "" : "; ") + next;
+  r.wrong = board.missed();
+  for (const std::string& more : {faults_text(r.flags), next})
+    if (!more.empty()) r.wrong += (r.wrong.empty() ? "" : "; ") + more;
   return r;
 }
 
@@ -138,16 +178,21 @@ double gear_of(const BoardPlace& b) noexcept {
 rt::Result<std::vector<DriveReport>> check(DriveSession& s) {
   std::vector<DriveReport> out;
   for (const std::size_t i : s.drives()) {
-    auto r = look(s, i);
-    if (!r) return rt::Error{r.error()};
-    out.push_back(std::move(r.value()));
+    out.push_back(look(s, i));
+    if (!s.failed().empty()) return rt::Error{s.failed()};
   }
   return out;
 }
 
 rt::Result<bool> clear_timeouts(DriveSession& s) {
-  for (const std::size_t i : s.drives())
-    if (const auto done = s.put(i, axis::kClearTimeout, 1); !done) return done;
+  // All of them, though one does not take it.
+  std::string first;
+  for (const std::size_t i : s.drives()) {
+    const auto done = s.put(i, axis::kClearTimeout, 1);
+    if (!s.failed().empty()) return rt::Error{s.failed()};
+    if (!done && first.empty()) first = done.error();
+  }
+  if (!first.empty()) return rt::Error{first};
   return true;
 }
 

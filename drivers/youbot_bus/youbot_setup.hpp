@@ -30,6 +30,7 @@ namespace drivers::youbot_bus {
 struct DriveReport {
   std::size_t position = 0;  // on the bus
   std::string name;
+  // What the board did not tell: controller 0, NaN, and -1 of the greatest current.
   tmcl::Firmware firmware;
   std::uint32_t flags = 0;
   double supply_V = 0, temperature_C = 0;
@@ -37,9 +38,11 @@ struct DriveReport {
   std::int32_t max_current_mA = 0;  // axis parameter 6
   bool commutated = false;
   bool homed = false;  // joints alone
-  std::string wrong;   // what has to be done before it is driven; empty: nothing
+  // What it did not tell, and why; what has to be done before it is driven. Empty: nothing.
+  std::string wrong;
 };
 
+// A row for each drive, also for one that tells nothing. The error: the bus has failed.
 [[nodiscard]] rt::Result<std::vector<DriveReport>> check(DriveSession&);
 
 // "joint 3 has its stop"

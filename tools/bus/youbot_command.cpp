@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "drivers/youbot_bus/chain_wait.hpp"
 #include "drivers/youbot_bus/ethercat_youbot.hpp"
 #include "drivers/youbot_bus/gripper_setup.hpp"
 #include "drivers/youbot_bus/youbot_setup.hpp"
@@ -27,17 +28,31 @@ struct Robot {
   explicit Robot(const YoubotOptions& o) : bus(choice(o)) {
     if (!o.bus.iface.empty())
       std::printf("Drives that still hold an arm let it go now: support it.\n");
-    const auto there = yb::bring_up(bus.token(), bus.master(), "any");
+    const std::string chain = o.expect.empty() ? "any" : o.expect;
+    if (o.wait_s > 0) wait(chain, o.wait_s);
+    const auto there = yb::bring_up(bus.token(), bus.master(), chain);
     if (!there) throw CouldNotDo(there.error());
     kind = there.value();
     session.emplace(bus.token(), bus.master(), bus.port(), kind);
     std::printf("youBot %s: %zu slaves\n", yb::to_text(kind), session->boards().size());
-    require(yb::clear_timeouts(*session));
+    // A board that does not take it is named in the table.
+    (void)yb::clear_timeouts(*session);
+    if (!session->failed().empty()) throw CouldNotDo(session->failed());
   }
   static EtherCatChoice choice(const YoubotOptions& o) {
     EtherCatChoice c = o.bus;
     c.end_stops = true;
     return c;
+  }
+  void wait(const std::string& chain, double seconds) {
+    const rt::Time end = bus.port().now() + rt::nanos_from_seconds(seconds);
+    std::string told;
+    require(yb::await_chain(bus.token(), bus.port(), chain, [&](const std::string& missing) {
+      if (missing != told) std::printf("%s\n", missing.c_str());
+      std::fflush(stdout);
+      told = missing;
+      return bus.port().now() < end;
+    }));
   }
   template <class T>
   static T require(rt::Result<T> r) {
@@ -73,6 +88,22 @@ yb::Progress printed() {
   return [](const std::string& line) { std::printf("  %s\n", line.c_str()); };
 }
 
+std::string version_text(const drivers::tmcl::Firmware& f) {
+  if (f.controller == 0) return "-";
+  std::array<char, 40> text{};
+  std::snprintf(text.data(), text.size(), "%d %d.%02d", f.controller, f.version / 100,
+                f.version % 100);
+  return text.data();
+}
+
+// NaN: the board did not tell it.
+std::string told(double value, int digits) {
+  if (std::isnan(value)) return "-";
+  std::array<char, 40> text{};
+  std::snprintf(text.data(), text.size(), "%.*f", digits, value);
+  return text.data();
+}
+
 nlohmann::ordered_json print(const std::vector<yb::GripperReport>& grippers) {
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   for (const yb::GripperReport& g : grippers) {
@@ -80,7 +111,9 @@ nlohmann::ordered_json print(const std::vector<yb::GripperReport>& grippers) {
                 g.name.c_str(), g.firmware.controller, g.firmware.version / 100,
                 g.firmware.version % 100, g.bars[0].max_speed, g.bars[1].max_speed,
                 g.bars[0].max_current, g.bars[1].max_current,
-                g.calibrated ? "ready" : "not calibrated: teletact youbot setup");
+                !g.wrong.empty() ? g.wrong.c_str()
+                : g.calibrated   ? "ready"
+                                 : "not calibrated: teletact youbot setup");
     nlohmann::ordered_json bars = nlohmann::ordered_json::array();
     for (const yb::GripperBar& b : g.bars)
       bars.push_back({{"max_speed", b.max_speed},
@@ -103,15 +136,15 @@ int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports,
   std::printf("%-6s %-18s %-10s %-6s %-6s %-6s %-10s %s\n", "slave", "drive", "firmware", "V", "C",
               "max A", "ticks", "state");
   for (const yb::DriveReport& r : reports) {
-    const int version = r.firmware.version;
-    std::printf("%-6zu %-18s %d %d.%02d %6.1f %6.1f %6.2f %10d  %s\n", r.position + 1,
-                r.name.c_str(), r.firmware.controller, version / 100, version % 100, r.supply_V,
-                r.temperature_C, 1e-3 * r.max_current_mA, r.position_ticks,
-                r.wrong.empty() ? "ready" : r.wrong.c_str());
+    std::printf("%-6zu %-18s %-10s %6s %6s %6s %10d  %s\n", r.position + 1, r.name.c_str(),
+                version_text(r.firmware).c_str(), told(r.supply_V, 1).c_str(),
+                told(r.temperature_C, 1).c_str(),
+                told(r.max_current_mA < 0 ? std::nan("") : 1e-3 * r.max_current_mA, 2).c_str(),
+                r.position_ticks, r.wrong.empty() ? "ready" : r.wrong.c_str());
     all.push_back({{"slave", r.position + 1},
                    {"drive", r.name},
                    {"controller", r.firmware.controller},
-                   {"firmware", version},
+                   {"firmware", r.firmware.version},
                    {"flags", r.flags},
                    {"supply_V", r.supply_V},
                    {"temperature_C", r.temperature_C},

@@ -65,6 +65,7 @@ struct EscConfig {
   bool op_needs_outputs = true;    // SAFEOP to OP only after outputs came: drives differ
   int state_looks = 0;             // so many reads of 0x0130 until a new state shows
   rt::Nanos mailbox_delay{0};      // from a request to its reply
+  bool knows_repeat = true;        // else a lost reply stays lost
 };
 
 class Esc {

@@ -127,6 +127,7 @@ void Esc::activate(int i, rt::Time) noexcept {
     if (a.enabled) memory_[reg::sm_activate(i)] &= static_cast<std::uint8_t>(~sm::kEnable);
     return;
   }
+  if (!config_.knows_repeat) return;
   const bool asked = (memory_[reg::sm_activate(i)] & sm::kRepeatRequest) != 0;
   if (asked == m.repeat) return;
   m.repeat = asked;

@@ -54,6 +54,14 @@ class DriveBoard final : public ethercat::EscApplication {
   void time_out(rt::Time now) noexcept;
   // A firmware without the parameter that clears I2t: it answers "wrong type".
   void knows_i2t_clear(bool yes) noexcept { i2t_clear_ = yes; }
+  // Its mailbox, as boards of firmware 1.48 were seen to answer.
+  struct MailboxFaults {
+    int empty_versions = 0;  // so many answers of zeros to a question for the firmware
+    int refuses = -1;        // this axis parameter is not told: wrong type
+    int silent = -1;         // this one has no answer at all
+    bool dead = false;       // nothing has
+  };
+  void set_mailbox_faults(const MailboxFaults& f) noexcept { mailbox_ = f; }
   void set_commutated(bool known, rt::Time now) noexcept;
   void set_faults(std::uint32_t bits, rt::Time now) noexcept;  // all that there are; 0: none
 
@@ -88,6 +96,7 @@ class DriveBoard final : public ethercat::EscApplication {
   std::array<std::int32_t, 64> user_{};  // bank 2
   std::int32_t timeout_ms_ = 100;
   Gripper gripper_;
+  MailboxFaults mailbox_;
   bool timeout_ = true, i2t_ = false, initialised_ = false, initialising_ = false, stuck_ = false;
   bool unlocked_ = false, i2t_clear_ = true;
   rt::Time last_traffic_{}, initialised_at_{}, tripped_at_{};

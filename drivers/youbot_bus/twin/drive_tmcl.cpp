@@ -36,6 +36,12 @@ bool DriveBoard::on_mailbox(std::span<const std::uint8_t> request, std::span<std
   tmcl::Request r;
   if (reply.size() < tmcl::kMailboxBytes || !tmcl::decode(request, r)) return false;
   std::fill(reply.begin(), reply.end(), std::uint8_t{0});
+  const bool reads = is(r, Command::kGetAxisParameter) && r.module == 0;
+  if (mailbox_.dead || (reads && r.type == mailbox_.silent)) return false;
+  if (is(r, Command::kFirmwareVersion) && mailbox_.empty_versions > 0) {
+    --mailbox_.empty_versions;
+    return true;
+  }
   tmcl::MailboxFrame bytes{};
   if (is(r, Command::kFirmwareVersion) && r.type == 0) {
     bytes = version_text();
@@ -70,6 +76,8 @@ tmcl::Reply DriveBoard::serve(const tmcl::Request& r, rt::Time now) noexcept {
   advance(now);
   if (r.module != 0) {
     reply.status = status::kInvalidCommand;
+  } else if (is(r, Command::kGetAxisParameter) && r.type == mailbox_.refuses) {
+    reply.status = status::kWrongType;
   } else if (is(r, Command::kSetAxisParameter)) {
     reply.status = set_axis(r.type, r.value, now);
   } else if (is(r, Command::kGetAxisParameter)) {
