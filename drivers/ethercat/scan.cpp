@@ -129,7 +129,12 @@ AlStatus read_al_status(RegisterAccess& r, std::uint16_t station) noexcept {
 
 rt::Result<std::vector<SlaveInfo>> scan(rt::NonRealtime&, RegisterAccess& r) {
   const auto count = reset_all(r);
-  if (!count) return rt::Error{"EtherCAT: no frame came back: no slave, no cable, or no link"};
+  if (!count)
+    return rt::Error{r.port().link_up()
+                         ? "EtherCAT: no frame came back: no slave, or no cable to the first one"
+                         : "EtherCAT: no frame came back, the card has no link: look at the cable "
+                           "to the first slave, "
+                           "and whether the robot has power"};
   if (*count > kMostSlaves)
     return rt::Error{"EtherCAT: " + std::to_string(*count) + " slaves, at most " +
                      std::to_string(kMostSlaves) + " are served"};

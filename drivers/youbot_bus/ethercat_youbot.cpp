@@ -33,6 +33,16 @@ ChainKind nearest(std::size_t slaves) {
   return slaves <= 11 ? ChainKind::kBaseArm : ChainKind::kBaseTwoArms;
 }
 
+// Of the chain that is wanted, or of the shortest one that begins with these boards.
+std::string what_is_missing(const std::vector<ethercat::SlaveInfo>& slaves,
+                            std::optional<ChainKind> wanted) {
+  for (const ChainKind k : kChainKinds) {
+    if (wanted && k != *wanted) continue;
+    if (std::string missing = missing_boards(k, slaves); !missing.empty()) return missing;
+  }
+  return {};
+}
+
 MotorBusConfig layout(ChainKind kind, const YoubotConfig& c) {
   MotorBusConfig out;
   out.gear_ratio = c.gear_ratio;
@@ -65,11 +75,11 @@ rt::Result<ChainKind> try_bring_up(rt::NonRealtime& nrt, ethercat::Master& maste
   if (const std::string why = unread(master.slaves()); !why.empty()) return rt::Error{why};
   const auto there = find_chain(master.slaves());
   const auto wanted = chain_kind_of(chain);
-  const ChainKind likely = wanted ? *wanted : nearest(master.slaves().size());
-  if (!there || (wanted && *wanted != *there))
-    if (const auto missing = missing_boards(likely, master.slaves()); !missing.empty())
-      return rt::Error{missing};
-  if (!there || (wanted && *wanted != *there)) return not_a_youbot(master.slaves(), likely);
+  if (!there || (wanted && *wanted != *there)) {
+    const std::string missing = what_is_missing(master.slaves(), wanted);
+    if (!missing.empty()) return rt::Error{missing};
+    return not_a_youbot(master.slaves(), wanted ? *wanted : nearest(master.slaves().size()));
+  }
   const auto wrong = check_chain(*there, master.slaves());
   if (!wrong.empty()) return not_a_youbot(master.slaves(), *there);
   if (const auto done = master.configure(nrt); !done) return rt::Error{done.error()};

@@ -132,6 +132,16 @@ void choose_shape(const BoxCommand& command, Scene& scene) {
       "(--shape applies it)\n");
 }
 
+// Before the box has an epoch: a person may take as long as it takes.
+void wait_for_robot(rt::NonRealtime& nrt, const Scene& scene) {
+  try {
+    await_motor_bus(nrt, scene, [] { return g_stop_requested.load(); });
+  } catch (const std::runtime_error& e) {
+    if (g_stop_requested.load()) throw Stopped(std::string("stopped: ") + e.what());
+    throw CouldNotStart(e.what());
+  }
+}
+
 }  // namespace
 
 bool both_on_this_host(const BoxCommand& command) {
@@ -164,6 +174,7 @@ int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   clear_run_folder(plan.folder);
   if (options.record) save_setup(plan.folder, scene, "");
   plan.open_link = [&command] { return command.plain ? open_plain(command) : open_keyed(command); };
+  if (command.box == rt::Box::kRobot) wait_for_robot(nrt, scene);
   // Time to build the box; a recording is decoded whole before that.
   const std::int64_t lead = scene.rgbd_dir.empty() ? 3000000000 : 12000000000;
   plan.epoch_host_ns = rt::monotonic_ns() + lead;

@@ -78,7 +78,12 @@ std::size_t EtherCatSession::slave(int number) const {
 
 int EtherCatSession::count() {
   const auto n = registers().count_slaves();
-  if (!n) throw CouldNotDo("EtherCAT: no frame came back: no slave, no cable, or no link");
+  if (!n)
+    throw CouldNotDo(port().link_up()
+                         ? "EtherCAT: no frame came back: no slave, or no cable to the first one"
+                         : "EtherCAT: no frame came back, the card has no link: look at the cable "
+                           "to the first slave, "
+                           "and whether the robot has power");
   return *n;
 }
 

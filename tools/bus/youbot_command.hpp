@@ -15,6 +15,8 @@ namespace teletact {
 struct YoubotOptions {
   EtherCatChoice bus;
   std::string json;
+  std::string expect;       // the chain that it must be; empty: any
+  double wait_s = 0;        // for boards that are missing; 0: told at once
   std::string calibration;  // setup: file of what homing measures, and so homing anyway
   int slave = 2;
   double speed_rad_per_s = 0.2, seconds = 1;

@@ -1,6 +1,7 @@
 #include "tools/scene/box_devices.hpp"
 
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <stdexcept>
 
@@ -8,6 +9,7 @@
 #include "drivers/can/socket_port.hpp"
 #include "drivers/ethercat/raw_port.hpp"
 #include "drivers/gpio/chip_lines.hpp"
+#include "drivers/youbot_bus/chain_wait.hpp"
 #include "perception/geometry/pose.hpp"
 #include "rt/clock/box_time.hpp"
 
@@ -95,6 +97,35 @@ void check_motor_bus(rt::NonRealtime& nrt, const Scene& scene) {
   if (!port) throw std::runtime_error("robot.bus: " + port.error());
   const auto claim = drivers::ethercat::CardClaim::take(nrt, scene.bus_interface);
   if (!claim) throw std::runtime_error("robot.bus: " + claim.error());
+}
+
+void await_motor_bus(rt::NonRealtime& nrt, const Scene& scene, const std::function<bool()>& ends) {
+  if (scene.bus_kind != "ethercat") return;
+  const auto& card = scene.bus_interface;
+  const auto refuse = [](const std::string& why) { throw std::runtime_error("robot.bus: " + why); };
+  if (card.empty()) refuse("kind ethercat wants the key robot.bus.interface");
+  auto port = drivers::ethercat::RawPort::open(nrt, card);
+  if (!port) refuse(port.error());
+  const auto claim = drivers::ethercat::claim_silent_card(nrt, card);
+  if (!claim) refuse(claim.error());
+  std::string told;
+  rt::Time again{};
+  const rt::Time begun = port.value()->now();
+  const auto all = drivers::youbot_bus::await_chain(
+      nrt, *port.value(), scene.bus_chain, [&](const std::string& missing) {
+        const rt::Time now = port.value()->now();
+        if (missing != told || now >= again) {
+          std::fprintf(stderr, "robot.bus: %s: %s; this box waits for it\n", card.c_str(),
+                       missing.c_str());
+          again = now + std::chrono::minutes{1};
+          told = missing;
+        }
+        return !ends();
+      });
+  if (!all) refuse(card + ": " + all.error());
+  if (told.empty()) return;
+  std::fprintf(stderr, "robot.bus: %s: %d slaves answer, after %.0f s\n", card.c_str(), all.value(),
+               1e-9 * static_cast<double>((port.value()->now() - begun).count()));
 }
 
 // The camera rides on the robot's true pose.

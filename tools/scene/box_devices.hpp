@@ -140,6 +140,11 @@ class OperatorBox {
 // scene names can not be opened, or belongs to another program. It sends nothing.
 void check_motor_bus(rt::NonRealtime&, const Scene& scene);
 
+// Waits until the boards of the chain that the scene names answer; says on standard error what is
+// missing, when it changes and once a minute. Throws std::runtime_error where `ends` says so, with
+// what is missing. Where there is nothing to wait for it does nothing.
+void await_motor_bus(rt::NonRealtime&, const Scene& scene, const std::function<bool()>& ends);
+
 // Depth camera of the scene: the recording's if it names one, else the synthetic one's.
 [[nodiscard]] perception::Intrinsics camera_of(const Scene& scene);
 

@@ -25,6 +25,11 @@ void add_youbot_options(CLI::App& c, YoubotOptions& o) {
   c.add_option("--generation", o.bus.generation, "of the twin's boards; new unless said")
       ->check(CLI::IsMember({"old", "new"}));
   c.add_option("--effects", o.bus.effects, "effects of the twin's motors, a file (config/effects)");
+  c.add_option("--expect", o.expect, "the chain that it must be; else any of them")
+      ->check(CLI::IsMember({"base", "base+arm", "base+2arms", "arm"}));
+  c.add_option("--wait", o.wait_s,
+               "seconds for boards that are missing: cable, emergency stop, power")
+      ->check(in_range(0, 86400));
   c.add_option("--json", o.json, "write the drives, or what moved, to this file");
   c.add_option("--capture", o.bus.capture, "write every frame to this file, as pcap");
 }

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "drivers/ethercat/scan.hpp"
+#include "drivers/youbot_bus/chain_wait.hpp"
 #include "drivers/youbot_bus/ethercat_youbot.hpp"
 #include "tests/unit/tool_twin/faulty_port.hpp"
 
@@ -101,6 +102,65 @@ TEST(Patience, EachCauseHasWordsOfItsOwn) {
   };
   EXPECT_THAT(bring_up(renamed, {}),
               testing::AllOf(testing::HasSubstr("not a youBot"), testing::HasSubstr("slave 3")));
+}
+
+// What a person is told while they mend it, and that it goes on then.
+TEST(Patience, AChainThatIsNotWholeIsWaitedFor) {
+  rt::Startup startup;
+  struct Case {
+    const char *fault, *chain, *told;
+  };
+  for (const auto& [fault, chain, told] :
+       {Case{"cut:6@0-3", "base+arm",
+             "slaves 7 to 11 are missing: look at the cable behind 6, or at the emergency stop"},
+        Case{"cut:10@0-3", "any",
+             "slave 11 is missing: look at the cable behind 10, or at the emergency stop"},
+        Case{"estop@0-3", "base+arm",
+             "slaves 2 to 11 are missing: look at the cable behind 1, or at the emergency stop"},
+        Case{"silence@0-3", "base+arm",
+             "no frame comes back: look at the cable to the first slave"}}) {
+    yb::YoubotChainConfig c;
+    c.initialised = true;
+    yb::YoubotChain boards(startup.token(), c);
+    auto port = std::make_unique<FaultyPort>(boards, std::vector<std::string>{fault});
+    const rt::Time begun = port->now();
+    std::vector<std::string> said;
+    const auto all = yb::await_chain(startup.token(), *port, chain, [&](const std::string& line) {
+      said.push_back(line);
+      return true;
+    });
+    ASSERT_TRUE(all) << fault;
+    EXPECT_EQ(all.value(), 11) << fault;
+    EXPECT_GE(port->now(), begun + std::chrono::seconds{3});
+    EXPECT_LE(port->now(), begun + std::chrono::seconds{4});
+    EXPECT_THAT(said, testing::Each(std::string(told))) << fault;
+    EXPECT_GE(said.size(), 10U);
+    EXPECT_LE(port->frames(), 1000) << "it looks and does not flood";
+    const auto youbot = yb::EtherCatYoubot::open(startup.token(), std::move(port), {});
+    EXPECT_TRUE(youbot) << fault << ": " << youbot.error();
+  }
+}
+
+TEST(Patience, WaitingEndsWhenAPersonEndsItAndDoesNotBeginForAWholeChain) {
+  rt::Startup startup;
+  yb::YoubotChain boards(startup.token(), {});
+  FaultyPort cut(boards, {"cut:6"});
+  int looks = 0;
+  const auto none = yb::await_chain(startup.token(), cut, "base+arm",
+                                    [&](const std::string&) { return ++looks < 5; });
+  ASSERT_FALSE(none);
+  EXPECT_EQ(looks, 5);
+  EXPECT_THAT(none.error(), testing::HasSubstr("slaves 7 to 11 are missing"));
+  yb::YoubotChain whole(startup.token(), {});
+  FaultyPort good(whole, {});
+  const auto refused = [](const std::string& line) {
+    ADD_FAILURE() << line;
+    return false;
+  };
+  EXPECT_TRUE(yb::await_chain(startup.token(), good, "base+arm", refused));
+  EXPECT_TRUE(yb::await_chain(startup.token(), good, "base", refused))
+      << "too many: not waited for";
+  EXPECT_EQ(good.frames(), 6);
 }
 
 }  // namespace
