@@ -8,6 +8,7 @@
 #include "drivers/camera/passing_camera.hpp"
 #include "drivers/can/socket_port.hpp"
 #include "drivers/ethercat/raw_port.hpp"
+#include "drivers/gpio/chip_find.hpp"
 #include "drivers/gpio/chip_lines.hpp"
 #include "drivers/youbot_bus/chain_wait.hpp"
 #include "perception/geometry/pose.hpp"
@@ -173,7 +174,11 @@ drivers::SafetyIo* RobotBox::open_safety(rt::NonRealtime& nrt, const Scene& scen
                                          const BoxOptions& options) {
   if (!scene.gpio.fitted()) return nullptr;
   if (options.real_devices && scene.gpio.kind == "chip") {
-    lines_ = drivers::gpio::open_chip_lines(nrt, scene.gpio);
+    const auto found =
+        drivers::gpio::find_chip(scene.gpio, drivers::gpio::chips_of_this_machine(nrt));
+    std::printf("robot.gpio: %s\n", found.text.c_str());
+    std::fflush(stdout);
+    lines_ = drivers::gpio::open_chip_lines(nrt, found.config);
   } else {
     auto twin = std::make_unique<drivers::gpio::GpioTwin>(nrt, scene.gpio.lines());
     twin->follow(nrt, {scene.gpio_events.begin(), scene.gpio_events.end()}, options.epoch);
