@@ -32,6 +32,16 @@ void add_arm(std::vector<BoardPlace>& to, int arm) {
   for (int j = 1; j <= kJointBoards; ++j) to.push_back({BoardKind::kJoint, j, arm});
 }
 
+// A board that the table of the public youBot driver's master has (its ethercatconfiglist.h), and its
+// motor code has not. Empty: another one.
+std::string listed_board(const ethercat::SlaveInfo& s, const ethercat::SlaveMapping& m) {
+  constexpr std::size_t kBytes = 40;
+  constexpr std::uint32_t kProduct = 0x11;
+  if (s.sii.product != kProduct || m.output_bytes != kBytes || m.input_bytes != kBytes) return {};
+  return "product code 0x11 with 40 bytes each way: what stands in them is not published, so this "
+         "board is not driven";
+}
+
 // Empty: a youBot drive's.
 std::string drive_problem(const ethercat::SlaveMapping& m) {
   if (m.output_bytes != kOutputBytes)
@@ -132,6 +142,9 @@ std::vector<std::string> check_chain(ChainKind kind,
       out.push_back(slave + boards[i].name() + " (" + wanted_names(boards[i]) + ") is missing");
     } else if (odd(i)) {
       out.push_back(judged[i].problem);
+    } else if (const auto listed = listed_board(judged[i], served.mapping.slaves[i]);
+               !listed.empty()) {
+      out.push_back(slave + listed);
     } else if (i >= boards.size()) {
       out.push_back(slave + "'" + slaves[i].sii.name + "' is one too many");
     } else if (!fits(boards[i], slaves[i].sii.name)) {

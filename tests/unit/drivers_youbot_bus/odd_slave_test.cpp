@@ -1,5 +1,6 @@
 // A slave that can not be driven: the scan has it and the others, and nothing is driven.
 #include "drivers/ethercat/twin/sii_builder.hpp"
+#include "drivers/youbot_bus/ethercat_youbot.hpp"
 #include "tests/unit/drivers_youbot_bus/bus_rig.hpp"
 
 namespace tests {
@@ -42,6 +43,23 @@ std::vector<std::uint8_t> with(std::uint16_t mailbox, bool second) {
                 {0x1900, 5, 0x64, 1, 3},
                 {0x1A00, 20, 0x20, 1, static_cast<std::uint8_t>(second ? 3 : 4)}});
   return sii.image();
+}
+
+// The master of the public youBot driver lists such a board; what its bytes are is not known.
+TEST(OddSlave, ProductCode0x11With40BytesEachWayIsRefusedWithASentence) {
+  for (const char* name : {"TMCM-1632", "Trinamic"}) {
+    ec::SiiBuilder sii;
+    sii.identity(0x286, 0x11, 2, 1).strings({name});
+    sii.fmmus({1, 2});
+    sii.managers(
+        {{0, 0, 0, 0, 1}, {0, 0, 0, 0, 2}, {0x1000, 40, 0x24, 1, 3}, {0x1100, 40, 0x20, 1, 4}});
+    OddRig rig(sii.image());
+    const auto up = yb::bring_up(rig.startup.token(), rig.master, "base");
+    ASSERT_FALSE(up) << name;
+    EXPECT_NE(up.error().find("slave 2: product code 0x11 with 40 bytes each way"),
+              std::string::npos)
+        << up.error();
+  }
 }
 
 TEST(OddSlave, IsNamedAndTheOthersAreThere) {
