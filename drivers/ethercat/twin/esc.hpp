@@ -60,12 +60,13 @@ struct EscConfig {
   std::uint16_t build = 2;
   std::uint16_t features = feature::kByteFmmu | feature::kClocks;
   bool sii_reads_eight = false;
-  int sii_busy_looks = 1;          // so many reads of 0x0502 find it busy
-  bool reload_takes_alias = true;  // as the ESC20's; others take it when their power comes alone
-  bool op_needs_outputs = true;    // SAFEOP to OP only after outputs came: drives differ
-  int state_looks = 0;             // so many reads of 0x0130 until a new state shows
-  rt::Nanos mailbox_delay{0};      // from a request to its reply
-  bool knows_repeat = true;        // else a lost reply stays lost
+  int sii_busy_looks = 1;            // so many reads of 0x0502 find it busy
+  bool reload_takes_alias = true;    // as the ESC20's; others take it when their power comes alone
+  bool op_needs_outputs = true;      // SAFEOP to OP only after outputs came: drives differ
+  int state_looks = 0;               // so many reads of 0x0130 until a new state shows
+  rt::Nanos mailbox_delay{0};        // from a request to its reply
+  bool error_closes_outputs = true;  // as Beckhoff's slave stack; others take outputs on
+  bool knows_repeat = true;          // else a lost reply stays lost
 };
 
 class Esc {

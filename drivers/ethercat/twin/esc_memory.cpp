@@ -28,6 +28,8 @@ bool Esc::open_for(int i, const Area& a, std::size_t at, std::size_t size, bool 
     if (write == m.full) return false;
   } else if (al_.is() != AlState::kSafeOp && al_.is() != AlState::kOp) {
     return false;  // the application keeps process data closed
+  } else if (write && al_.error() && config_.error_closes_outputs) {
+    return false;  // and its outputs, until the error is acknowledged
   }
   const bool first = at <= a.start && a.start < at + size;
   if (first && !write && !a.mailbox() && !m.open)

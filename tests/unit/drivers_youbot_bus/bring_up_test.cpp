@@ -152,6 +152,24 @@ TEST(YoubotBus, AnErrorThatIsSlowToClearIsNoRefusal) {
       << refused.error();
 }
 
+// A drive in SAFEOP + ERROR keeps its outputs closed: the frame's counter tells, and inputs go on.
+TEST(YoubotBus, InSafeOpWithAnErrorOutputsAreNotTaken) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kBase;
+  BusRig rig(c);
+  rig.bring_up();
+  if (HasFatalFailure()) return;
+  EXPECT_EQ(rig.cycle().counter, 12);
+  rig.chain.wire().slave(2).fall(ec::al_code::kWatchdog, rig.port.now());
+  EXPECT_EQ(rig.cycle().counter, 10) << "one reads and does not take: 3 each, and 1";
+  // Acknowledged, it takes them again: OP wants outputs first.
+  const auto back =
+      ec::request_state(rig.master.registers(), rig.master.slaves()[2], ec::AlState::kSafeOp, 1s);
+  ASSERT_TRUE(back) << back.error();
+  EXPECT_EQ(rig.cycle().counter, 12);
+  EXPECT_EQ(rig.chain.wire().slave(2).al_status().is(), ec::AlState::kSafeOp);
+}
+
 // Each slave lets OP wait for so long after it was asked first.
 class SlowToOp final : public ec::Port {
  public:

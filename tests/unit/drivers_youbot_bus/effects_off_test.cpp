@@ -10,6 +10,7 @@ std::uint64_t hash_of_a_chain(bool stops, bool ideal) {
   yb::YoubotChainConfig c;
   c.kind = yb::ChainKind::kBaseArm;
   c.end_stops = stops;
+  c.esc.error_closes_outputs = false;  // the tree before there were effects knew no other
   rt::Startup startup;
   yb::YoubotChain::MotorMaker maker;
   if (ideal) maker = [](const yb::BoardPlace&) { return std::make_unique<yb::IdealMotor>(); };
