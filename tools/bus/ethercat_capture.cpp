@@ -15,6 +15,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "drivers/ethercat/card_problem.hpp"
 #include "drivers/ethercat/frame.hpp"
 #include "rt/clock/box_time.hpp"
 #include "tools/bus/ethercat_parts.hpp"
@@ -37,6 +38,10 @@ class ListenPort final : public ec::Port {
     address.sll_protocol = htons(0x0003);  // ETH_P_ALL
     address.sll_ifindex = static_cast<int>(if_nametoindex(interface.c_str()));
     const bool there = address.sll_ifindex != 0;
+    if (const std::string down = ec::card_down(interface); there && !down.empty()) {
+      ::close(socket_);
+      throw std::runtime_error(down);
+    }
     if (there && ::bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
       return;
     const std::string why = there ? reason() : "there is none of this name";
