@@ -4,6 +4,7 @@
 #include <linux/if_packet.h>
 #include <net/if.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -14,7 +15,6 @@
 #include <fstream>
 #include <iterator>
 
-#include "drivers/ethercat/card_problem.hpp"
 #include "drivers/ethercat/frame.hpp"
 #include "rt/clock/box_time.hpp"
 
@@ -135,6 +135,28 @@ class Listener {
 };
 
 }  // namespace
+
+std::string card_problem(const std::string& interface, int error) {
+  const std::string what = "interface " + interface + ": ";
+  if (error == EPERM || error == EACCES)
+    return what +
+           "raw Ethernet frames need CAP_NET_RAW (setcap cap_net_raw+ep on the program, or run "
+           "it with that capability)";
+  if (error == ENODEV) return what + "there is none of this name";
+  return what + std::strerror(error);
+}
+
+std::string card_down(const std::string& interface) {
+  const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return {};
+  ifreq request{};
+  std::copy_n(interface.begin(), std::min(interface.size(), std::size_t{IFNAMSIZ - 1}),
+              std::begin(request.ifr_name));
+  const bool asked = ::ioctl(fd, SIOCGIFFLAGS, &request) == 0;
+  ::close(fd);
+  if (!asked || (static_cast<unsigned>(request.ifr_flags) & IFF_UP) != 0) return {};
+  return "interface " + interface + ": is down: sudo ip link set " + interface + " up";
+}
 
 std::string CardOwner::text() const {
   return pid == 0 ? name : name + " (pid " + std::to_string(pid) + ")";

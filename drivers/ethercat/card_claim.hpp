@@ -57,6 +57,13 @@ class CardClaim {
 [[nodiscard]] rt::Result<std::unique_ptr<CardClaim>> claim_silent_card(
     rt::NonRealtime&, const std::string& interface);
 
+// Why a card can not be used, in one line, with what to do.
+// Of a failed call (errno): the right that is missing, a name that is not there.
+[[nodiscard]] std::string card_problem(const std::string& interface, int error);
+
+// Of a card that is down: the command that sets it up. Empty: it is up, or can not be asked.
+[[nodiscard]] std::string card_down(const std::string& interface);
+
 // Of the words of a process (argv, each ended by a zero byte): the program's name without its path,
 // and the first word behind it unless that is an option. Any bytes; empty: there is no name.
 [[nodiscard]] std::string program_name(std::string_view words);

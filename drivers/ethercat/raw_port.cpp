@@ -12,7 +12,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "drivers/ethercat/card_problem.hpp"
+#include "drivers/ethercat/card_claim.hpp"
 #include "drivers/ethercat/frame.hpp"
 #include "rt/clock/box_time.hpp"
 

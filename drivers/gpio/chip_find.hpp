@@ -1,5 +1,5 @@
-// Which chip and which lines are meant, where a scene names them by label and by name: the number of
-// a chip in /dev changes with the order in which the kernel finds them.
+// Which chip and which lines are meant, where a scene names them by label and by name: the number
+// of a chip in /dev changes with the order in which the kernel finds them.
 #pragma once
 
 #include <string>

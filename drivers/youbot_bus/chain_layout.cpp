@@ -32,8 +32,8 @@ void add_arm(std::vector<BoardPlace>& to, int arm) {
   for (int j = 1; j <= kJointBoards; ++j) to.push_back({BoardKind::kJoint, j, arm});
 }
 
-// A board that the table of the public youBot driver's master has (its ethercatconfiglist.h), and its
-// motor code has not. Empty: another one.
+// A board that the table of the public youBot driver's master has (its ethercatconfiglist.h), and
+// its motor code has not. Empty: another one.
 std::string listed_board(const ethercat::SlaveInfo& s, const ethercat::SlaveMapping& m) {
   constexpr std::size_t kBytes = 40;
   constexpr std::uint32_t kProduct = 0x11;

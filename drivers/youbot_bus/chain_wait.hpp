@@ -11,8 +11,8 @@
 
 namespace drivers::youbot_bus {
 
-// Told five times a second while boards are missing, in one sentence that says where to look; false:
-// it is given up.
+// Told five times a second while boards are missing, in one sentence that says where to look;
+// false: it is given up.
 using ChainNews = std::function<bool(const std::string&)>;
 
 // Returns once as many slaves answer as `chain` has (base, base+arm, base+2arms, arm; "any": as one

@@ -5,8 +5,8 @@
 #include <array>
 
 #include "rt/audit/rt_log.hpp"
-#include "tasks/graph/lasting_faults.hpp"
 #include "tasks/robot_io/bus_watch.hpp"
+#include "tasks/robot_io/lasting_faults.hpp"
 
 namespace tasks {
 

@@ -1,9 +1,9 @@
 // The robot_io task as an executor sees it: one bus cycle a job, goal and mode in, state out.
 #pragma once
 
-#include "tasks/graph/lasting_faults.hpp"
 #include "tasks/graph/limits.hpp"
 #include "tasks/graph/robot_graph.hpp"
+#include "tasks/robot_io/lasting_faults.hpp"
 
 namespace tasks {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "tools/host/rendered_truth.hpp"
 #include "tools/host/run_folder.hpp"
+#include "tools/host/run_truth.hpp"
 #include "tools/host/script_goal.hpp"
 #include "tools/record/recording_truth.hpp"
 #include "tools/scene/host_info.hpp"

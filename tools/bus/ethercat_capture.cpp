@@ -15,7 +15,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "drivers/ethercat/card_problem.hpp"
+#include "drivers/ethercat/card_claim.hpp"
 #include "drivers/ethercat/frame.hpp"
 #include "rt/clock/box_time.hpp"
 #include "tools/bus/ethercat_parts.hpp"

@@ -35,8 +35,8 @@ void check_choice(const EtherCatChoice&);
 
 class EtherCatSession {
  public:
-  // Of a network card: it is this session's, or the session only looks. Throws CouldNotDo if another
-  // program owns it, std::runtime_error for the rest, with one line.
+  // Of a network card: it is this session's, or the session only looks. Throws CouldNotDo if
+  // another program owns it, std::runtime_error for the rest, with one line.
   explicit EtherCatSession(const EtherCatChoice&);
   // A chain that was started ends with zero outputs, in SAFEOP (Master::stop).
   ~EtherCatSession();

@@ -1,4 +1,3 @@
-#include "tools/host/rendered_truth.hpp"
 
 #include "perception/geometry/pose.hpp"
 #include "tools/host/run_truth.hpp"

@@ -6,6 +6,7 @@
 
 #include "perception/geometry/planar.hpp"
 #include "tools/host/run_results.hpp"
+#include "tools/scene/scene.hpp"
 
 namespace teletact {
 
@@ -14,5 +15,10 @@ namespace teletact {
 [[nodiscard]] std::optional<perception::Pose2> true_base_at(const RobotHalf& robot, rt::Time at);
 // What the wheels alone said then; none: not recorded.
 [[nodiscard]] std::optional<perception::Pose2> odometry_at(const RobotHalf& robot, rt::Time at);
+
+// Of fusion's poses against the twin's camera (rendered_truth.cpp); -1 where the camera is not the
+// twin's.
+[[nodiscard]] TrackingFigures rendered_figures(const Scene& scene, const OperatorHalf& op,
+                                               const RobotHalf& robot);
 
 }  // namespace teletact

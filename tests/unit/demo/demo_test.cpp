@@ -8,8 +8,8 @@
 
 #include "tests/support/whole.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/rendered_truth.hpp"
 #include "tools/host/run_options.hpp"
+#include "tools/host/run_truth.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 #include "tools/scene/box_devices.hpp"
 

@@ -8,7 +8,6 @@
 #include <fstream>
 
 #include "tests/unit/demo_driving/drive.hpp"
-#include "tools/host/rendered_truth.hpp"
 #include "tools/host/run_truth.hpp"
 
 namespace tests {

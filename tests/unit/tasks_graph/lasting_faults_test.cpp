@@ -1,5 +1,5 @@
 // A fault that lasts: one line when it begins, one a minute, one when it is over.
-#include "tasks/graph/lasting_faults.hpp"
+#include "tasks/robot_io/lasting_faults.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/host/rendered_truth.hpp"
+#include "tools/host/run_truth.hpp"
 
 #include <gtest/gtest.h>
 

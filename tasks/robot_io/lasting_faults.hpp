@@ -1,5 +1,5 @@
-// How often a fault that lasts is told to a person: when it begins, once a minute while it is there,
-// and when it is over. One that comes and goes within a second is one fault.
+// How often a fault that lasts is told to a person: when it begins, once a minute while it is
+// there, and when it is over. One that comes and goes within a second is one fault.
 //
 // Nothing here allocates or waits; one owner.
 #pragma once
@@ -36,8 +36,8 @@ class LastingFaults {
     return true;
   }
 
-  // The next one that is over; false: none. Of one that was there for less than a second the line of
-  // its beginning says all there is to say.
+  // The next one that is over; false: none. Of one that was there for less than a second the line
+  // of its beginning says all there is to say.
   [[nodiscard]] bool take_ended(rt::Time now, Ended& out) noexcept {
     for (Entry& e : entries_) {
       if (e.fault == rt::kNoFault || now - e.seen < kQuiet) continue;
