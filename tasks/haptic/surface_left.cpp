@@ -93,6 +93,7 @@ double FaceMotion::way_m(double most_m) const noexcept {
 double SurfaceLeft::look_ahead_m(SurfaceBlend& blend, const ProxyState& proxy,
                                  const Held& held) noexcept {
   constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
+  face_rise_m_ = 0;
   if (proxy.phase != ProxyState::Phase::kContact || leaving_) return 0;
   const Vec3 p_W = proxy.p_WP();
   Field& field = blend.field();
@@ -107,6 +108,7 @@ double SurfaceLeft::look_ahead_m(SurfaceBlend& blend, const ProxyState& proxy,
   if (field.near_edge(p_W) || field.near_edge(held.hand_W)) return rise_m;
   const Face face = face_ahead(field, blend.older(), blend.newest(), p_W, now.gradient, steep);
   const bool moves = blend.newest()->touched_moves;
+  face_rise_m_ = face.rise_m;
   motion_.take(face.rise_m);
   const double way_m = motion_.way_m(held.most_m);
   const bool gone = moves || face.unknown;

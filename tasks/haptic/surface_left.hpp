@@ -50,6 +50,10 @@ class SurfaceLeft {
   [[nodiscard]] double look_ahead_m(SurfaceBlend& blend, const ProxyState& proxy,
                                     const Held& held) noexcept;
 
+  // By how much the newer window has the whole face about the proxy higher, m, by the last
+  // look_ahead_m(): noise of single nodes is not in it. 0: that is not known.
+  [[nodiscard]] double face_rise_m() const noexcept { return face_rise_m_; }
+
   // The hand is being let go.
   [[nodiscard]] bool leaving() const noexcept { return leaving_; }
   // While it is: the last contact's plane, which pushes as far as the hand is behind it.
@@ -64,6 +68,7 @@ class SurfaceLeft {
 
  private:
   FaceMotion motion_;
+  double face_rise_m_ = 0;
   bool leaving_ = false, left_ = false;  // left_: to be told in this tick
   perception::Vec3 p_W_ = perception::Vec3::Zero(), n_W_ = perception::Vec3::Zero();
 };
