@@ -36,6 +36,8 @@ void DepthNoiseConfig::describe(config::Section& s) {
   s.number("axial", axial, 0, 100, "factor on the Kinect v2's sigma along the axis; 0: none");
   s.number("lateral_px", lateral_px, 0, 3, "sigma of a pixel's ray, pixels; 0: none");
   s.number("edge_dropout", edge_dropout, 0, 1, "share of edge pixels without a reading; 0: none");
+  s.number("incidence", incidence, 0, 100,
+           "factor on the growth of sigma with the angle of incidence; 0: none");
   s.number("flying", flying, 0, 1, "share of edge pixels between the two sides; 0: none");
 }
 
@@ -60,11 +62,27 @@ NormalTable::NormalTable() {
   for (std::size_t i = 0; i <= kCells; ++i) q_[i] = static_cast<float>(q[i]);
 }
 
+// With r the square root of 1 - cos t: t = 2 asin(r / sqrt 2), by its series.
+IncidenceTable::IncidenceTable() {
+  constexpr double kHalfPi = 1.5707963267948966, kHalfRoot = 0.7071067811865476;
+  for (int i = 0; i <= kCells; ++i) {
+    const double s = kHalfRoot * kMostRoot * i / kCells;
+    double term = s, asin = s;
+    for (int k = 1; k < 200; ++k) {
+      term *= s * s * (2 * k - 1) / (2 * k);
+      asin += term / (2 * k + 1);
+    }
+    const double t = 2 * asin;
+    q_[static_cast<std::size_t>(i)] = static_cast<float>(t * t / ((kHalfPi - t) * (kHalfPi - t)));
+  }
+  q_[kCells + 1] = q_[kCells];
+}
+
 DepthNoise::DepthNoise(rt::NonRealtime&, const DepthNoiseConfig& c) {
   using rt::Effect;
-  if (c.axial > 0) {
+  if (c.axial > 0 || c.incidence > 0) {
     rt::effect_built(Effect::kAxial);
-    axial_ = std::make_unique<const AxialNoise>(AxialNoise{c.axial, {}});
+    axial_ = std::make_unique<const AxialNoise>(AxialNoise{c.axial, {}, c.incidence, {}});
   }
   if (c.lateral_px > 0) {
     rt::effect_built(Effect::kLateral);

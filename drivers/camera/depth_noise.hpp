@@ -3,6 +3,10 @@
 //
 //   axial         sigma(z) = axial * max(1.2, 1.5 - 0.5 z + 0.3 z^2) mm, z in m: the usual fit for
 //                 Kinect v2 (docs: drivers/camera/README.md)
+//   incidence     of the axial noise: sigma grows by incidence * 0.1 z^1.5 t^2 / (pi/2 - t)^2 mm with
+//                 the angle t between ray and surface normal (Fankhauser, Bloesch, Rodriguez, Kaestner,
+//                 Hutter, Siegwart, ICAR 2015), beyond 80 degrees as at 80. The angle is that of the
+//                 depth image over four pixels
 //   lateral_px    the ray of a pixel is shifted by a normal deviate of this sigma in u and in v
 //   edge_dropout  share of the pixels beside a depth edge that give no reading
 //   flying        share of the pixels beside a depth edge that read somewhere between the two sides
@@ -15,6 +19,8 @@
 #pragma once
 
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -31,6 +37,7 @@ struct DepthNoiseConfig {
   double lateral_px = 0;
   double edge_dropout = 0;
   double flying = 0;
+  double incidence = 0;
   void describe(config::Section& s);
 };
 
@@ -56,9 +63,33 @@ class NormalTable {
   std::array<float, kCells + 1> q_{};
 };
 
+// t^2 / (pi/2 - t)^2 by cos t, by plain arithmetic: linear in the square root of 1 - cos t between
+// knots, constant from 80 degrees on.
+class IncidenceTable {
+ public:
+  static constexpr int kCells = 512;
+  IncidenceTable();
+  [[nodiscard]] float operator()(float cosine) const noexcept {
+    const float lack = 1 - cosine;
+    const float x = std::sqrt(lack > 0 ? lack : 0.0F) * kPerRoot;
+    const float at = x < kCells ? x : static_cast<float>(kCells);
+    const int i = static_cast<int>(at);
+    return q_[static_cast<std::size_t>(i)] +
+           (at - static_cast<float>(i)) *
+               (q_[static_cast<std::size_t>(i) + 1] - q_[static_cast<std::size_t>(i)]);
+  }
+
+ private:
+  static constexpr double kMostRoot = 0.90905845;  // of 1 - cos 80 degrees
+  static constexpr auto kPerRoot = static_cast<float>(kCells / kMostRoot);
+  std::array<float, kCells + 2> q_{};
+};
+
 struct AxialNoise {
   double scale;
   NormalTable normal;
+  double incidence = 0;
+  IncidenceTable tilt{};
 };
 struct LateralJitter {
   double sigma_px;

@@ -193,9 +193,15 @@ void store(const RayTile& tile, const TileAt& at, int width, float* depth_m,
 
 class NoisyRows {
  public:
-  NoisyRows(const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, int width, int height,
+  NoisyRows(const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, const Intrinsics& k,
             RenderScratch& scratch) noexcept
-      : noise_(noise), seed_(seed), seq_(seq), width_(width), height_(height), scratch_(scratch) {}
+      : noise_(noise),
+        seed_(seed),
+        seq_(seq),
+        camera_(k),
+        width_(k.width),
+        height_(k.height),
+        scratch_(scratch) {}
 
   // Noisy depth of row v into `z`; `z` holds the true depth before.
   void apply(int v, float* z) const noexcept {
@@ -251,7 +257,21 @@ class NoisyRows {
     const AxialNoise& axial = *noise_.axial();
     float* deviate = scratch_.row.data();
     draw_normals(row_stream(seed_, seq_, v, Purpose::kAxial), axial.normal, deviate, width_);
-    shake_row(z, deviate, static_cast<float>(axial.scale), width_);
+    const float* tilt = nullptr;
+    if (axial.incidence > 0) tilt_row(axial, v), tilt = scratch_.tilt.data();
+    shake_row(z, deviate, tilt, static_cast<float>(axial.scale), width_);
+  }
+  void tilt_row(const AxialNoise& axial, int v) const noexcept {
+    const auto aside = [&](int w) { return w >= 0 && w < height_ ? inverse(w) : nullptr; };
+    float* tilt = scratch_.tilt.data();
+    incidence_row({{inverse(v), aside(v - 2), aside(v + 2)},
+                   static_cast<float>(camera_.fx),
+                   static_cast<float>(camera_.fy),
+                   static_cast<float>(camera_.cx),
+                   static_cast<float>((v - camera_.cy) / camera_.fy)},
+                  tilt, width_);
+    const auto factor = static_cast<float>(axial.incidence);
+    for (int u = 0; u < width_; ++u) tilt[u] = factor * axial.tilt(tilt[u]);
   }
   void drop(int v, float* z) const noexcept {
     const auto share = static_cast<float>(noise_.dropout()->share);
@@ -265,6 +285,7 @@ class NoisyRows {
 
   const DepthNoise& noise_;
   std::uint64_t seed_, seq_;
+  const Intrinsics& camera_;
   int width_, height_;
   RenderScratch& scratch_;
 };
@@ -274,6 +295,7 @@ class NoisyRows {
 RenderScratch::RenderScratch(rt::NonRealtime&, std::size_t max_shapes)
     : depth_m(RgbdFrame::kMaxPixels),
       inverse_m(RgbdFrame::kMaxPixels),
+      tilt(RgbdFrame::kMaxWidth),
       row(RgbdFrame::kMaxWidth),
       beside(RgbdFrame::kMaxWidth),
       shift_u(static_cast<std::size_t>(RgbdFrame::kMaxWidth) * RayTile::kHeight),
@@ -306,10 +328,11 @@ void render(const World& world, const Intrinsics& k, const Pose& X_WC, const Dep
     }
   }
   const int pixels = k.width * k.height;
-  if (noise.flying() != nullptr || noise.dropout() != nullptr) {
+  const bool tilts = noise.axial() != nullptr && noise.axial()->incidence > 0;
+  if (noise.flying() != nullptr || noise.dropout() != nullptr || tilts) {
     invert(scratch.depth_m.data(), scratch.inverse_m.data(), pixels);
   }
-  const NoisyRows noisy(noise, seed, seq, k.width, k.height, scratch);
+  const NoisyRows noisy(noise, seed, seq, k, scratch);
   for (int v = 0; v < k.height; ++v) {
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * k.width;
     noisy.apply(v, scratch.depth_m.data() + row);

@@ -27,7 +27,8 @@ struct DepthRange {
 struct RenderScratch {
   RenderScratch(rt::NonRealtime&, std::size_t max_shapes);
   std::vector<float> depth_m;             // before noise; 0 = nothing there
-  std::vector<float> inverse_m;           // 1 / depth, 0 where nothing is; only with edge effects
+  std::vector<float> inverse_m;           // 1 / depth, 0 where nothing is; only where noise asks
+  std::vector<float> tilt;                // of one row; only with noise by incidence
   std::vector<float> row;                 // working memory of one row: 1/m, or deviates
   std::vector<std::uint8_t> beside;       // of one row, 1: beside a depth edge
   std::vector<float> shift_u, shift_v;    // of the rays of one row of tiles, px; only with jitter

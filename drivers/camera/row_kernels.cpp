@@ -41,13 +41,44 @@ void mark_edges(const InverseRows& inverse_m, float* step, std::uint8_t* beside,
 }
 
 TELETACT_CAMERA_CLONES
-void shake_row(float* z_m, const float* deviate, float scale, int n) noexcept {
+void shake_row(float* z_m, const float* deviate, const float* tilt, float scale, int n) noexcept {
   for (int u = 0; u < n; ++u) {
     const float z = z_m[u];
     const float mm = 1.5F - 0.5F * z + 0.3F * z * z;
-    const float sigma = (mm > 1.2F ? mm : 1.2F) * 1e-3F * scale;
+    float sigma = (mm > 1.2F ? mm : 1.2F) * 1e-3F * scale;
+    if (tilt != nullptr) sigma += 1e-4F * z * std::sqrt(z > 0 ? z : 0.0F) * tilt[u];
     const float shaken = z + sigma * deviate[u];
     z_m[u] = z > 0 ? shaken : z;
+  }
+}
+
+namespace {
+
+// Slope a pixel, of values two pixels aside: their mean, or the flatter one where they differ as at
+// a depth edge. A side that shows nothing does not count.
+float slope_of(float before, float here, float after) noexcept {
+  constexpr auto kEdge = static_cast<float>(DepthNoise::kEdgeStep);
+  const float l = 0.5F * (here - before), r = 0.5F * (after - here);
+  if (!(before > 0) || !(after > 0)) return before > 0 ? l : after > 0 ? r : 0.0F;
+  if (std::abs(r - l) > kEdge * here) return std::abs(l) < std::abs(r) ? l : r;
+  return 0.5F * (l + r);
+}
+
+}  // namespace
+
+void incidence_row(const TiltRow& row, float* cosine, int n) noexcept {
+  const InverseRows& inverse = row.inverse_m;
+  for (int u = 0; u < n; ++u) {
+    const float here = inverse.row[u];
+    cosine[u] = 1;
+    if (!(here > 0)) continue;
+    const auto aside = [u](const float* r) { return r != nullptr ? r[u] : 0.0F; };
+    const float x = (static_cast<float>(u) - row.cx) / row.fx;
+    const float a = row.fx * slope_of(u >= 2 ? inverse.row[u - 2] : 0.0F, here,
+                                      u + 2 < n ? inverse.row[u + 2] : 0.0F);
+    const float b = row.fy * slope_of(aside(inverse.up), here, aside(inverse.down));
+    const float c = here - a * x - b * row.y;
+    cosine[u] = here / std::sqrt((a * a + b * b + c * c) * (x * x + row.y * row.y + 1));
   }
 }
 

@@ -68,6 +68,11 @@ void add_fusion(CLI::App& app, FusionStudyOptions& fusion, std::string& intrinsi
       ->check(in_range(4, 100))
       ->delimiter(',')
       ->capture_default_str();
+  app.add_option("--incidence", fusion.incidence,
+                 "fusion: factor on the noise of the synthetic scenes that grows with the angle of "
+                 "incidence, as camera.noise.incidence")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
   app.add_option("--samples", samples, "weighting: of things that move")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();

@@ -67,6 +67,10 @@ void MovingCommand::add_to(CLI::App& app) {
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
   app.add_flag("--colour", o.colour, "images in colour, for the map's sake");
+  app.add_option("--incidence", o.incidence,
+                 "factor on the noise that grows with the angle of incidence")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
   app.add_flag("--debug", o.debug, "a line for each frame");
   app.add_flag("--peer", o.peers, "Open3D and OpenCV on the same frames, where installed");
   app.add_flag("--list", list, "say what is drawn, and run nothing");

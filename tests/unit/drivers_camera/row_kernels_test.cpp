@@ -79,7 +79,7 @@ TEST(RowKernels, ShakeByTheModelsSigmaAndLeaveHoles) {
       deviate[u] = static_cast<float>(rng.normal());
     }
     const std::vector<float> before = z;
-    drivers::shake_row(z.data(), deviate.data(), 2.0F, n);
+    drivers::shake_row(z.data(), deviate.data(), nullptr, 2.0F, n);
     for (std::size_t u = 0; u < z.size(); ++u) {
       const double d = static_cast<double>(before[u]);
       const double want =

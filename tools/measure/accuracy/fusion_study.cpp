@@ -121,7 +121,8 @@ perception::Mesh moved(perception::Mesh mesh, const Pose& X_WM) {
 
 void study_scene(rt::NonRealtime& nrt, const std::string& name, bool every_knob,
                  const FusionStudyOptions& o, std::ostream& progress, Study& study) {
-  const SyntheticRoom room = scene_named(name);
+  SyntheticRoom room = scene_named(name);
+  room.noise.incidence = o.incidence;
   const drivers::World world(nrt, room.world);
   progress << "rendering " << name << "\n";
   const FusionSequence sequence = synthetic_sequence(nrt, room, o.frames);

@@ -48,6 +48,7 @@ struct FusionStudyOptions {
   // The voxel's size varies in each of them, the other knobs in the first.
   std::vector<std::string> scenes{"room", "stairs", "turn", "sixth", "near"};
   int frames = 200;
+  double incidence = 0;  // camera.noise.incidence of the synthetic ones
   std::vector<double> voxels_mm{80, 40, 20, 13.3, 10, 7, 5};
   std::vector<int> pixel_steps{1, 2, 4};
   std::vector<std::array<int, 3>> iterations{

@@ -41,10 +41,11 @@ double farthest_corner(const Pose& A, const Pose& B, const Vec3& half) {
 
 class Camera {
  public:
-  Camera(rt::NonRealtime& nrt, const MovingSample& sample, const drivers::World& world, bool colour)
+  Camera(rt::NonRealtime& nrt, const MovingSample& sample, const drivers::World& world, bool colour,
+         double incidence)
       : sample_(sample),
         world_(world),
-        noise_(nrt, moving_noise()),
+        noise_(nrt, noise_of(incidence)),
         scratch_(nrt, world.shapes().size()),
         image_(std::make_unique<RgbdFrame>()) {
     scratch_.colour = colour;
@@ -64,6 +65,11 @@ class Camera {
   [[nodiscard]] int shape(std::size_t pixel) const { return scratch_.shape[pixel]; }
 
  private:
+  static drivers::DepthNoiseConfig noise_of(double incidence) {
+    drivers::DepthNoiseConfig noise = moving_noise();
+    noise.incidence = incidence;
+    return noise;
+  }
   const MovingSample& sample_;
   const drivers::World& world_;
   drivers::DepthNoise noise_;
@@ -129,13 +135,15 @@ PixelTruth MoverTruth::of(const Vec3& p_W, double depth_m, int shape, int frame)
   return by.norm() >= least ? PixelTruth::kMoving : PixelTruth::kEither;
 }
 
-MovingFilm film_moving(rt::NonRealtime& nrt, const MovingSample& sample, bool colour) {
+MovingFilm film_moving(rt::NonRealtime& nrt, const MovingSample& sample, bool colour,
+                       double incidence) {
   const drivers::World world(nrt, sample.world, MovingSample::kBegin);
   const drivers::World plain(nrt, sample.plain, MovingSample::kBegin);
   const MoverTruth truth(world, sample);
   MovingFilm film;
   film.with.name = "moving", film.plain.name = "plain";
-  Camera camera(nrt, sample, world, colour), other(nrt, sample, plain, colour);
+  Camera camera(nrt, sample, world, colour, incidence),
+      other(nrt, sample, plain, colour, incidence);
   const auto k = sample.camera();
   const auto pixels = static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height);
   for (int f = 0; f < sample.frames; ++f) {

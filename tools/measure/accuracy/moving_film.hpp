@@ -52,6 +52,8 @@ struct MovingFilm {
   double share_most = 0;
 };
 
-[[nodiscard]] MovingFilm film_moving(rt::NonRealtime& nrt, const MovingSample& sample, bool colour);
+// `incidence`: camera.noise.incidence, beside moving_noise().
+[[nodiscard]] MovingFilm film_moving(rt::NonRealtime& nrt, const MovingSample& sample, bool colour,
+                                     double incidence = 0);
 
 }  // namespace teletact

@@ -120,7 +120,7 @@ std::vector<MovingSetting> settings_of(const MovingSample& sample, const MovingO
 
 std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& sample,
                                   const MovingOptions& options, std::ostream* said) {
-  const MovingFilm film = film_moving(nrt, sample, options.colour);
+  const MovingFilm film = film_moving(nrt, sample, options.colour, options.incidence);
   std::ostream* debug = options.debug ? said : nullptr;
   if (options.peers && said != nullptr) {
     for (const MovingPeer& peer : run_moving_peers(film)) *said << peer.text();

@@ -22,6 +22,7 @@ struct MovingOptions {
   int only = -1;        // sample to run alone
   int jobs = 1;         // samples at a time
   bool colour = false, debug = false, surfaces = true;
+  double incidence = 0;  // camera.noise.incidence
   bool watch = true;     // false: fusion.motion.on is
   bool odometry = true;  // and the runs with it, true and lying
   bool peers = false;    // others on the same frames (moving_peer.hpp), said on the progress
