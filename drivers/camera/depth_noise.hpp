@@ -3,10 +3,10 @@
 //
 //   axial         sigma(z) = axial * max(1.2, 1.5 - 0.5 z + 0.3 z^2) mm, z in m: the usual fit for
 //                 Kinect v2 (docs: drivers/camera/README.md)
-//   incidence     of the axial noise: sigma grows by incidence * 0.1 z^1.5 t^2 / (pi/2 - t)^2 mm with
-//                 the angle t between ray and surface normal (Fankhauser, Bloesch, Rodriguez, Kaestner,
-//                 Hutter, Siegwart, ICAR 2015), beyond 80 degrees as at 80. The angle is that of the
-//                 depth image over four pixels
+//   incidence     of the axial noise: sigma grows by incidence * 0.1 z^1.5 t^2 / (pi/2 - t)^2 mm
+//                 with the angle t between ray and surface normal (Fankhauser, Bloesch, Rodriguez,
+//                 Kaestner, Hutter, Siegwart, ICAR 2015), beyond 80 degrees as at 80. The angle is
+//                 that of the depth image over four pixels
 //   lateral_px    the ray of a pixel is shifted by a normal deviate of this sigma in u and in v
 //   edge_dropout  share of the pixels beside a depth edge that give no reading
 //   flying        share of the pixels beside a depth edge that read somewhere between the two sides
@@ -63,8 +63,8 @@ class NormalTable {
   std::array<float, kCells + 1> q_{};
 };
 
-// t^2 / (pi/2 - t)^2 by cos t, by plain arithmetic: linear in the square root of 1 - cos t between
-// knots, constant from 80 degrees on.
+// t^2 / (pi/2 - t)^2 by cos t, by plain arithmetic: linear in the square root of 1 - cos t
+// between knots, constant from 80 degrees on.
 class IncidenceTable {
  public:
   static constexpr int kCells = 512;

@@ -32,13 +32,13 @@ struct InverseRows {
 };
 void mark_edges(const InverseRows& inverse_m, float* step, std::uint8_t* beside, int n) noexcept;
 
-// z_m + sigma(z_m) * scale * deviate, where there is a reading. `tilt` (null: none): what is added to
-// sigma, times 0.1 mm z^1.5.
+// z_m + sigma(z_m) * scale * deviate, where there is a reading. `tilt` (null: none): what is added
+// to sigma, times 0.1 mm z^1.5.
 void shake_row(float* z_m, const float* deviate, const float* tilt, float scale, int n) noexcept;
 
-// Cosine of the angle between ray and surface normal, from 1/m two pixels aside: 1/depth is linear on
-// a plane. Across a depth edge the flatter side counts. `row`: v itself; `up`, `down`: two rows aside,
-// null beyond the border.
+// Cosine of the angle between ray and surface normal, from 1/m two pixels aside: 1/depth is linear
+// on a plane. Across a depth edge the flatter side counts. `row`: v itself; `up`, `down`: two rows
+// aside, null beyond the border.
 struct TiltRow {
   InverseRows inverse_m;
   float fx, fy, cx, y;  // px; y: (v - cy) / fy
