@@ -104,7 +104,7 @@ class EnergyBooks {
   // The force is off from here on.
   void off() noexcept {
     f_elastic_D_ = perception::Vec3::Zero();
-    spring_J_ = ahead_N_ = 0;
+    spring_J_ = ahead_N_ = size_N_ = 0;
   }
 
  private:
@@ -119,16 +119,21 @@ class EnergyBooks {
 
   // In a field that stands still no force rises by more than K |dh|: what does so is the surface's.
   [[nodiscard]] double paid_by_surface_J(const Entry& e, const perception::Vec3& before) noexcept {
-    const double size = before.norm();
+    const double size_N = size_N_;
+    size_N_ = e.spring.contact ? std::min(e.gain * e.stiffness_N_per_m * e.spring.length_m / scale_,
+                                          force_limit_N_)
+                               : 0;
     double paid_J = 0;
-    if (size > 0) {
-      const perception::Vec3 n = before / size;
-      ahead_N_ = std::clamp(size - e.f_sent_D.dot(n), 0.0, ahead_N_);
+    if (ahead_N_ > 0 && size_N > 0) {
+      const perception::Vec3 n = before / size_N;
+      ahead_N_ = std::clamp(size_N - e.f_sent_D.dot(n), 0.0, ahead_N_);
       paid_J = ahead_N_ * std::max(-e.dx_D.dot(n), 0.0);
+    } else {
+      ahead_N_ = 0;
     }
-    if (e.mover == Mover::kSurface) {
+    if (e.mover == Mover::kSurface && size_N_ > size_N) {
       const double by_hand_N = e.gain * e.stiffness_N_per_m * e.dx_D.norm();
-      ahead_N_ += std::max(f_elastic_D_.norm() - size - by_hand_N, 0.0);
+      ahead_N_ += std::max(size_N_ - size_N - by_hand_N, 0.0);
     }
     return paid_J;
   }
@@ -144,6 +149,7 @@ class EnergyBooks {
   PassivityController passivity_;
   perception::Vec3 f_elastic_D_ = perception::Vec3::Zero();
   double spring_J_ = 0;  // energy in the spring last tick
+  double size_N_ = 0;    // of the spring's force last tick
   double ahead_N_ = 0;   // of the force sent, by the surface's own motion
   double credit_N_s_per_m_ = 0, force_limit_N_ = 0, scale_ = 1;
   bool controller_ = true;
