@@ -29,7 +29,6 @@ class EnergyBooks {
     double gain;
     double stiffness_N_per_m;  // K of this tick
     Mover mover;
-    const perception::Vec3& f_sent_D;  // under which the hand moved
     double dt;
   };
 
@@ -68,8 +67,6 @@ class EnergyBooks {
   // only take energy out, so they have no part in it.
   // A proxy that slips over an edge or lets go loses what its spring held. That is dissipated:
   // credit the surface only with the work of its own retreat.
-  // A surface that comes faster than the slew guard lets the force follow leaves the force behind
-  // the spring. A hand that moves on into it pays for less than the spring gets: the surface did.
   void book(const Entry& e, const Contact& contact, const Field& field) noexcept {
     const perception::Vec3 before = f_elastic_D_;
     f_elastic_D_ = e.spring.contact ? limited(e.elastic_D, force_limit_N_)
@@ -86,7 +83,6 @@ class EnergyBooks {
       const double back_m = contact.gone_back_m(field);
       injected = std::max(injected, -kSharpest * before.norm() * back_m / scale_);
     }
-    injected += paid_by_surface_J(e, before);
     energy_.book(injected, spring_J - spring_J_, e.dt);
     spring_J_ = spring_J;
   }
@@ -104,7 +100,7 @@ class EnergyBooks {
   // The force is off from here on.
   void off() noexcept {
     f_elastic_D_ = perception::Vec3::Zero();
-    spring_J_ = ahead_N_ = size_N_ = 0;
+    spring_J_ = 0;
   }
 
  private:
@@ -117,26 +113,6 @@ class EnergyBooks {
   static constexpr double kSharpest =
       4;  // the apex of a crease goes so much farther than its faces
 
-  // In a field that stands still no force rises by more than K |dh|: what does so is the surface's.
-  [[nodiscard]] double paid_by_surface_J(const Entry& e, const perception::Vec3& before) noexcept {
-    const double size_N = size_N_;
-    size_N_ = e.spring.contact ? std::min(e.gain * e.stiffness_N_per_m * e.spring.length_m / scale_,
-                                          force_limit_N_)
-                               : 0;
-    double paid_J = 0;
-    if (ahead_N_ > 0 && size_N > 0) {
-      const perception::Vec3 n = before / size_N;
-      ahead_N_ = std::clamp(size_N - e.f_sent_D.dot(n), 0.0, ahead_N_);
-      paid_J = ahead_N_ * std::max(-e.dx_D.dot(n), 0.0);
-    } else {
-      ahead_N_ = 0;
-    }
-    if (e.mover == Mover::kSurface && size_N_ > size_N) {
-      const double by_hand_N = e.gain * e.stiffness_N_per_m * e.dx_D.norm();
-      ahead_N_ += std::max(size_N_ - size_N - by_hand_N, 0.0);
-    }
-    return paid_J;
-  }
   // Energy of a spring whose force is cut at `limit`.
   [[nodiscard]] static double spring_energy(double stiffness, double stretch,
                                             double limit) noexcept {
@@ -149,8 +125,6 @@ class EnergyBooks {
   PassivityController passivity_;
   perception::Vec3 f_elastic_D_ = perception::Vec3::Zero();
   double spring_J_ = 0;  // energy in the spring last tick
-  double size_N_ = 0;    // of the spring's force last tick
-  double ahead_N_ = 0;   // of the force sent, by the surface's own motion
   double credit_N_s_per_m_ = 0, force_limit_N_ = 0, scale_ = 1;
   bool controller_ = true;
 };

@@ -37,15 +37,6 @@ double HapticTask::look_ahead_m() noexcept {
        force_limit_N_ * config_.scale / std::max(effects_.stiffness_N_per_m(), 1e-9)});
 }
 
-// How fast the blend that begins changes the force on a hand that stands. 0 where only nodes about
-// the proxy move and not its face: that is noise, which the guard keeps from the hand.
-double HapticTask::followed_N_per_s(double rise_N, double face_rise_N) const noexcept {
-  // chosen on: even seeds of NoisySurface.*, tasks_haptic; judged on: its odd seeds, stability 11
-  constexpr double kFaceMoves_N_per_s = 45;
-  if (!(std::abs(face_rise_N) > kFaceMoves_N_per_s * config_.blend_s)) return 0;
-  return std::max(std::abs(rise_N), std::abs(face_rise_N)) / config_.blend_s;
-}
-
 // True: `patch` was refused as malformed.
 bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   using Taken = SurfaceBlend::Taken;
@@ -59,7 +50,6 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   }
   const double stiffness = effects_.stiffness_N_per_m();
   const double rise_N = blend_.blending() ? stiffness * look_ahead_m() / config_.scale : 0.0;
-  surface_N_per_s_ = followed_N_per_s(rise_N, stiffness * left_.face_rise_m() / config_.scale);
   blend_.begin(rise_N, (books_.elastic_D().norm() + 0.5 * rise_N) * rise_N / stiffness);
   // The energy observer (energy.hpp) counts by events, and a patch begins one. A fade is one event,
   // however many patches come in it.
@@ -217,8 +207,8 @@ void HapticTask::render(const In& in, const Spring& spring, const Motion& motion
   const bool more =
       t.gain != gain_before || stiffness != motion.stiffness_before_N_per_m || workspace_.moved();
   const Mover mover = more ? Mover::kMore : motion.surface_moves ? Mover::kSurface : Mover::kHand;
-  const EnergyBooks::Entry entry{spring,    elastic_D, motion.dx_D,  t.gain,
-                                 stiffness, mover,     guard_.f_D(), motion.dt};
+  const EnergyBooks::Entry entry{spring,    elastic_D, motion.dx_D, t.gain,
+                                 stiffness, mover,     motion.dt};
   books_.book(entry, contact_, blend_.field());
   if (t.in_contact) {
     Vec3 allowed = f;
@@ -227,8 +217,7 @@ void HapticTask::render(const In& in, const Spring& spring, const Motion& motion
       f = limited(allowed, force_limit_N_);
     }
   }
-  out.force.f_H_D = guard_.guard(
-      f, {motion.dx_D, blend_.steps(), blend_.blending() ? surface_N_per_s_ : 0.0, in.clutch}, t);
+  out.force.f_H_D = guard_.guard(f, {motion.dx_D, blend_.steps(), in.clutch}, t);
 }
 
 // Events and state of this tick, whatever became of it.

@@ -126,7 +126,6 @@ class HapticTask {
   bool take_hand(const drivers::StylusSample& stylus, const rt::Tick& tick, double dt,
                  perception::Vec3& dx_D) noexcept;
   [[nodiscard]] double look_ahead_m() noexcept;
-  [[nodiscard]] double followed_N_per_s(double rise_N, double face_rise_N) const noexcept;
   void end_leaving() noexcept;
   rt::Health without_sample(const rt::Tick& tick, const ModeMsg& mode, Out& out) noexcept;
   rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
@@ -156,7 +155,6 @@ class HapticTask {
   Contact contact_;
   SurfaceEffects effects_;
   SurfaceLeft left_;
-  double surface_N_per_s_ = 0;  // followed_N_per_s() of the last blend
   ForceGain gain_;
   EnergyBooks books_;
   SlewGuard guard_;

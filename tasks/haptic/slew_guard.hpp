@@ -1,9 +1,8 @@
 // How fast the force on the hand may change: the last guard before the device. It remembers the
 // force of the last tick, before it and behind it.
 //   limit    max(slew T, 1.1 K |dh|) a tick, and less under a hand that is nearly still: there a
-//            change of the force beyond what the surface's own change explains is the noise of
-//            fusion. Where the surface steps, or the size of the force is more than 1 N behind, the
-//            full rate counts.
+//            change of the force thirty times a second is the noise of fusion. Where the surface
+//            steps, or the size of the force is more than 1 N behind, the full rate counts.
 // Frame: D haptic base.  SI.  Nothing here allocates, locks or throws.
 #pragma once
 
@@ -23,8 +22,6 @@ class SlewGuard {
   struct Tick {
     const perception::Vec3& dx_D;  // of the hand since the last tick
     bool steps = false;            // the surface steps
-    double surface_N_per_s = 0;    // by so much it changes the force on a hand that stands, if
-                                   // all of it does
     bool clutch = false;
   };
 
@@ -33,7 +30,6 @@ class SlewGuard {
       : stiffness_N_per_m_(c.stiffness_N_per_m),
         slew_N_(c.slew_N_per_s * period_s),
         calm_N_(c.slew_calm_N_per_s * period_s),
-        period_s_(period_s),
         force_limit_N_(force_limit_N),
         on_(c.guard) {}
 
@@ -51,7 +47,7 @@ class SlewGuard {
     t.guard_use = t.in_contact && t.step_raw_N > stiffness_N_per_m_ * dh + 0.1;
     f_raw_D_ = f;
     const perception::Vec3 change = f - f_D_;
-    const double size = change.norm(), most = limit(change, dh, tick);
+    const double size = change.norm(), most = limit(change, dh, tick.steps);
     if (on_ && size > most) {
       f = f_D_ + change * (most / size);
       t.guard_active = true;
@@ -65,20 +61,13 @@ class SlewGuard {
   void off() noexcept { f_D_ = f_raw_D_ = perception::Vec3::Zero(); }
 
  private:
-  // The surface is followed at so many times its mean rate: a blend is not even, nor is what it
-  // moves.
-  // chosen on: even seeds of NoisySurface.*, tasks_haptic; judged on: its odd seeds, stability 11
-  static constexpr double kUneven = 2;
-
-  [[nodiscard]] double limit(const perception::Vec3& change, double dh,
-                             const Tick& tick) const noexcept {
+  [[nodiscard]] double limit(const perception::Vec3& change, double dh, bool steps) const noexcept {
     // Least stiffness used here: with a soft spring a moving hand must not count as still.
     constexpr double kCalmRise_N_per_m = 1000;
     const double moved = stiffness_N_per_m_ * dh;
     const double most = std::max(slew_N_, 1.1 * moved);
-    if (tick.steps) return most;
-    const double still_N = std::max(calm_N_, kUneven * tick.surface_N_per_s * period_s_);
-    const double calm = std::min(still_N + 2 * std::max(moved, kCalmRise_N_per_m * dh), most);
+    if (steps) return most;
+    const double calm = std::min(calm_N_ + 2 * std::max(moved, kCalmRise_N_per_m * dh), most);
     const double size = f_D_.norm();
     const double along = size > 0.1 ? std::abs(change.dot(f_D_)) / size : change.norm();
     return calm + (most - calm) * std::clamp(along - 1.0, 0.0, 1.0);
@@ -86,7 +75,6 @@ class SlewGuard {
 
   double stiffness_N_per_m_ = 0;
   double slew_N_ = 0, calm_N_ = 0;  // in a tick
-  double period_s_ = 0;
   double force_limit_N_ = 0;
   bool on_ = true;
   perception::Vec3 f_raw_D_ = perception::Vec3::Zero(), f_D_ = perception::Vec3::Zero();

@@ -56,44 +56,11 @@ Face face_ahead(Field& field, const perception::SurfacePatch* older,
   return out;
 }
 
-// A way of so many deviations is a motion. Until rises were seen, they may be those of 3 mm of
-// noise, as if one window had shown them.
-// chosen on: even seeds of NoisySurface.*, tasks_haptic; judged on: its odd seeds, fused_hand
-constexpr double kNoise = 5, kNoiseBefore_m = 0.0042, kWindowsBefore = 1;
-
 }  // namespace
-
-void FaceMotion::take(double rise_m) noexcept { rises_m_[count_++ % kKept] = rise_m; }
-
-// Deviation of the rises but the newest `without`.
-double FaceMotion::noise_m(std::size_t without) const noexcept {
-  const std::size_t kept = std::min(count_, kKept);
-  double sum = 0, squares = 0, n = 0;
-  for (std::size_t back = without; back < kept; ++back) {
-    const double rise = rises_m_[(count_ - 1 - back) % kKept];
-    sum += rise;
-    squares += rise * rise;
-    n += 1;
-  }
-  const double about_mean = n > 0 ? std::max(squares - sum * sum / n, 0.0) : 0;
-  return std::sqrt((about_mean + kWindowsBefore * kNoiseBefore_m * kNoiseBefore_m) /
-                   (n + kWindowsBefore));
-}
-
-double FaceMotion::way_m(double most_m) const noexcept {
-  double way = 0;
-  for (std::size_t m = 1; m <= std::min(count_, kMostWindows); ++m) {
-    way += rises_m_[(count_ - m) % kKept];
-    if (std::abs(way) > static_cast<double>(m) * most_m && std::abs(way) > kNoise * noise_m(m))
-      return way;
-  }
-  return 0;
-}
 
 double SurfaceLeft::look_ahead_m(SurfaceBlend& blend, const ProxyState& proxy,
                                  const Held& held) noexcept {
   constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
-  face_rise_m_ = 0;
   if (proxy.phase != ProxyState::Phase::kContact || leaving_) return 0;
   const Vec3 p_W = proxy.p_WP();
   Field& field = blend.field();
@@ -108,14 +75,9 @@ double SurfaceLeft::look_ahead_m(SurfaceBlend& blend, const ProxyState& proxy,
   if (field.near_edge(p_W) || field.near_edge(held.hand_W)) return rise_m;
   const Face face = face_ahead(field, blend.older(), blend.newest(), p_W, now.gradient, steep);
   const bool moves = blend.newest()->touched_moves;
-  face_rise_m_ = face.rise_m;
-  motion_.take(face.rise_m);
-  const double way_m = motion_.way_m(held.most_m);
-  const bool gone = moves || face.unknown;
-  left_ = gone || way_m != 0;
-  if (left_) motion_.forget();
+  left_ = moves || face.unknown || std::abs(face.rise_m) > held.most_m;
   const Vec3 pull = held.rendered_W - held.hand_W;
-  if (!(gone || way_m > 0) || !(pull.norm() > 1e-9)) return rise_m;
+  if (!(moves || face.unknown || face.rise_m > held.most_m) || !(pull.norm() > 1e-9)) return rise_m;
   leaving_ = true;
   n_W_ = pull.normalized();
   // No deeper than the force limit: the fade is felt from its beginning.

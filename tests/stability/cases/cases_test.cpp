@@ -57,6 +57,7 @@ constexpr Missed kMissed[] = {
     {10, true, "not judged %", 1, 100, 0, 1, 100, 0},
     {10, true, "off truth mm", 2, 3.744, 1.219e-05, 2, 3.744, 1.219e-05},
     {10, true, "p error p95 mm", 4, 7.907, 0, 4, 7.907, 0},
+    {11, false, "gate: controller changes the trace", 4, 1, 0, 4, 1, 0},
     {13, true, "end force error N", 5, 0.1498, 0, 5, 0.1498, 0},
     {13, true, "lag ms", 1, 40.56, 33.66, 1, 40.56, 33.66},
     {19, false, "amplitude error %", 2, 66.4, 0, 2, 66.4, 0},
