@@ -23,8 +23,8 @@ constexpr double kFloor = 0.003, kTurnFloor = 0.005;  // errors below it are ali
 
 constexpr double kSingerTime_s = 0.3;  // what `singer` means here
 
-// How far a method's change of speed is believed: at this share of the limit of acceleration, for so
-// long. A fit or a filter takes one instant's noise for an acceleration.
+// How far a method's change of speed is believed: at this share of the limit of acceleration, and
+// for so long. A fit or a filter takes one instant's noise for an acceleration.
 // chosen on: mrclam6_robot3, trolley_mocap_mid; judged on: tuc_lecture_hall
 constexpr MotionPredictor::Belief kOfAFit{0.4, 0.1}, kOfAFilter{0.5, 0.15};
 
@@ -187,8 +187,8 @@ void MotionPredictor::place(double h, Prediction& out) const noexcept {
   out.condition = motion.condition;
 }
 
-// Each part's mean velocity, by the part's middle. Where the commands are known, by the limit itself;
-// else by as much of it as the method is believed.
+// Each part's mean velocity, by the part's middle. Where the commands are known, by the limit
+// itself; else by as much of it as the method is believed.
 void MotionPredictor::bound(double h, Motion& motion) const noexcept {
   const Axes now = axes(history_.newest().v_B);
   const double part = h / static_cast<double>(Motion::kParts);

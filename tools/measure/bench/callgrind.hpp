@@ -28,7 +28,7 @@ namespace teletact {
                                                    const std::string& round,
                                                    const std::string& scratch);
 // The same of each span that the program itself ends: it starts and stops the instrumentation and
-// dumps in between (valgrind/callgrind.h), so that what is not to be counted runs ten times as fast.
+// dumps in between (valgrind/callgrind.h). The rest of it runs ten times as fast.
 [[nodiscard]] std::vector<double> callgrind_dumps(const std::string& program,
                                                   const std::vector<std::string>& arguments,
                                                   const std::string& pattern,
