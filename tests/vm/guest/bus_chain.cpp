@@ -48,6 +48,9 @@ int main(int argc, char** argv) {
   youbot_bus::YoubotChainConfig config;
   config.kind = *kind;
   config.initialised = true;
+  // Boards that stood without a frame for 100 ms before the master's first cycle take outputs on: a
+  // frame that is short here is one that the road damaged.
+  config.esc.error_closes_outputs = false;
   youbot_bus::YoubotChain chain(startup.token(), config);
   const rt::Nanos gap = milliseconds(vm::option(argc, argv, "gap-ms", 0.0));
   const rt::Nanos long_gap = milliseconds(vm::option(argc, argv, "long-gap-ms", 0.0));
